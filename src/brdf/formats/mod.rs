@@ -1,0 +1,1 @@
+//! Files that hold reflectance functions, one file format each.

@@ -1,0 +1,5 @@
+//! How different do two materials look?
+pub mod brdf;
+pub mod dataset;
+pub mod math;
+pub mod metric;

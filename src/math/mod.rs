@@ -1,0 +1,14 @@
+//! Directions, coordinates, quadrature, colour spaces, correlations and seeds.
+//!
+//! Nothing in this room knows what a BRDF is.
+
+pub mod color;
+pub mod coordinates;
+pub mod correlation;
+pub mod seed;
+mod vec3;
+
+pub use vec3::Vec3;
+
+/// A linear RGB triple; the unit is that of whatever it measures (for a BRDF 1/sr).
+pub type Rgb = [f64; 3];

@@ -1,0 +1,49 @@
+//! Distances between BRDFs: the trait, the classical metrics, the learned ones, and the registry of all by name.
+
+pub mod learned;
+
+use crate::brdf::Brdf;
+use thiserror::Error;
+
+/// What a user must know of a metric before using it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Properties {
+    /// Unit of the distance, `"1"` where it has none.
+    pub unit: &'static str,
+    /// `distance(a, b) == distance(b, a)`.
+    pub symmetric: bool,
+    /// Can drive a fit: cheap enough, and without flat regions by design.
+    pub usable_as_loss: bool,
+    /// One line for lists.
+    pub summary: String,
+    /// Paper, equation, DOI.
+    pub source: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum MetricError {
+    #[error("{side}: {reason}")]
+    Unusable { side: &'static str, reason: String },
+    #[error("{metric}: the distance is {value}, which is not a finite number")]
+    NotFinite { metric: String, value: f64 },
+}
+
+/// A distance from a reference to a candidate: exactly zero for identical BRDFs, larger is worse, never NaN.
+pub trait Metric: Send + Sync {
+    /// The registry name, such as `D9.Cl`.
+    fn name(&self) -> &str;
+
+    fn properties(&self) -> Properties;
+
+    /// Pays for the fixed side once: a fit compares one reference with many candidates.
+    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError>;
+
+    fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
+        self.prepare(reference)?.distance(candidate)
+    }
+}
+
+/// A metric whose reference is fixed.
+pub trait PreparedMetric: Send + Sync {
+    fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError>;
+}

@@ -1,0 +1,110 @@
+//! The command line: argument definitions, one file per subcommand, progress bars and exit codes.
+//!
+//! Exit codes: 0 success, 1 a fault of vernis or of the machine, 2 a mistake in what the user gave.
+
+mod compare;
+mod data;
+mod describe;
+mod metrics;
+mod progress;
+mod score;
+#[cfg(feature = "train")]
+mod train;
+
+use anyhow::Result;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "vernis", version, about = "How different do two materials look? Perceptual metrics for BRDFs.")]
+struct Cli {
+    #[command(flatten)]
+    shared: Shared,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of every subcommand.
+#[derive(Args, Clone)]
+pub struct Shared {
+    /// Folder with the real inputs (ratings, measured and fitted BRDFs).
+    #[arg(long, global = true, env = "VERNIS_DATA", value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Folder for descriptors that were computed before [default: $XDG_CACHE_HOME/vernis or ~/.cache/vernis].
+    #[arg(long, global = true, env = "VERNIS_CACHE", value_name = "DIR")]
+    cache: Option<PathBuf>,
+    /// Number of worker threads [default: one a core]. Never changes a result.
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Train a metric on a study and measure it under nested cross-validation.
+    #[cfg(feature = "train")]
+    Train(train::TrainArgs),
+    /// Measure all metrics on a study under nested cross-validation, without exporting one.
+    #[cfg(feature = "train")]
+    Benchmark(train::BenchmarkArgs),
+    /// Compare two BRDFs.
+    Compare(compare::CompareArgs),
+    /// Compare many pairs, from a CSV file to a CSV file.
+    Score(score::ScoreArgs),
+    /// List the metrics.
+    Metrics(metrics::MetricsArgs),
+    /// Describe one BRDF: what it is, and its descriptors.
+    Describe(describe::DescribeArgs),
+    /// Studies and the files they need.
+    Data(data::DataArgs),
+}
+
+/// A mistake in what the user gave: exit code 2.
+#[derive(Debug)]
+pub struct UserError(String);
+
+impl std::fmt::Display for UserError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for UserError {}
+
+/// Marks an error as the user's to mend.
+fn user_error(message: impl std::fmt::Display) -> anyhow::Error {
+    UserError(message.to_string()).into()
+}
+
+/// Parses the arguments, runs the subcommand, reports what went wrong in one message.
+pub fn run() -> ExitCode {
+    let cli = Cli::parse();
+    match dispatch(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("vernis: {error:#}");
+            let users = error.chain().any(|cause| cause.is::<UserError>());
+            ExitCode::from(if users { 2 } else { 1 })
+        }
+    }
+}
+
+fn dispatch(cli: Cli) -> Result<()> {
+    if let Some(n) = cli.shared.threads {
+        if n == 0 {
+            return Err(user_error("--threads: found 0, allowed 1 or more"));
+        }
+        rayon::ThreadPoolBuilder::new().num_threads(n).build_global()?;
+    }
+    match cli.command {
+        #[cfg(feature = "train")]
+        Command::Train(args) => train::train(&cli.shared, args),
+        #[cfg(feature = "train")]
+        Command::Benchmark(args) => train::benchmark(&cli.shared, args),
+        Command::Compare(args) => compare::run(&cli.shared, args),
+        Command::Score(args) => score::run(&cli.shared, args),
+        Command::Metrics(args) => metrics::run(&cli.shared, args),
+        Command::Describe(args) => describe::run(&cli.shared, args),
+        Command::Data(args) => data::run(&cli.shared, args),
+    }
+}

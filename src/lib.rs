@@ -1,5 +1,6 @@
 //! How different do two materials look?
 pub mod brdf;
 pub mod dataset;
+pub mod descriptor;
 pub mod math;
 pub mod metric;

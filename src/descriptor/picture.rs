@@ -1,0 +1,276 @@
+//! What a viewer would compare in two pictures of a shape: differences in an opponent log space.
+//!
+//!   Y = .2126 R + .7152 G + .0722 B; L = 20 ln(Y + .01); c1 = 20 ln((R + .01) / (G + .01)); c2 = 20 ln((B + .01) / (G + .01)).
+//!
+//! A is the reference, B the candidate, d = B - A, w the weight of a pixel (the share of the shape with that normal),
+//! e = |(dL, dc1, dc2)|, sA, sB and cov the weighted deviations and covariance of L; q the quantiles (i + .5) / 64 of L.
+//! Local moments are over 7 x 7 windows around each pixel of the disc, on a pyramid of 2 x 2 means; pixels off the disc
+//! take no part. The structure and contrast terms are those of SSIM (Wang et al. 2004, doi:10.1109/TIP.2003.819861,
+//! eqs. 9 and 10) with the constant 9.
+//!
+//! Cost: about 20 microseconds a pair and light once each picture has been prepared.
+
+use super::shape::{SIDE, Shape};
+use crate::math::Rgb;
+use crate::math::color::luminance;
+
+const GAIN: f64 = 20.0;
+const FLOOR: f64 = 0.01;
+const QUANTILES: usize = 64;
+const WINDOW_RADIUS: usize = 3;
+const STABILISER: f64 = 9.0;
+const SCALES: usize = 4;
+
+/// Quantile groups that have a name.
+pub const QUANTILE_GROUPS: [(usize, usize); 4] = [(0, 15), (16, 47), (48, 59), (60, 63)];
+
+/// The pixels of a picture at one level of the pyramid.
+#[derive(Debug, Clone)]
+struct Level {
+    side: usize,
+    /// Positions of the pixels that exist.
+    cells: Vec<usize>,
+    /// 1 where a pixel exists, else 0.
+    mask: Vec<f64>,
+    /// Pixels in the window of each entry of `cells`.
+    window: Vec<f64>,
+}
+
+/// The geometry of the windows, the same for every picture of a shape.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    weights: Vec<f64>,
+    levels: Vec<Level>,
+}
+
+impl Level {
+    fn new(side: usize, mask: Vec<f64>) -> Self {
+        let cells: Vec<usize> = (0..side * side).filter(|&c| mask[c] > 0.0).collect();
+        let count = window_sums(side, &mask);
+        let window = cells.iter().map(|&c| count[c]).collect();
+        Self { side, cells, mask, window }
+    }
+
+    /// Mean of `image` over the window of each pixel.
+    fn window_means(&self, image: &[f64]) -> Vec<f64> {
+        let sums = window_sums(self.side, image);
+        self.cells.iter().zip(&self.window).map(|(&c, n)| sums[c] / n).collect()
+    }
+}
+
+/// Sums over 7 x 7 windows, clipped at the border.
+fn window_sums(side: usize, image: &[f64]) -> Vec<f64> {
+    let span = |at: usize| at.saturating_sub(WINDOW_RADIUS)..(at + WINDOW_RADIUS + 1).min(side);
+    let mut horizontal = vec![0.0; side * side];
+    for row in 0..side {
+        for column in 0..side {
+            horizontal[row * side + column] = image[row * side..][span(column)].iter().sum();
+        }
+    }
+    let mut sums = vec![0.0; side * side];
+    for row in 0..side {
+        for r in span(row) {
+            for column in 0..side {
+                sums[row * side + column] += horizontal[r * side + column];
+            }
+        }
+    }
+    sums
+}
+
+/// Sums of 2 x 2 blocks.
+fn block_sums(side: usize, image: &[f64]) -> Vec<f64> {
+    let half = side / 2;
+    (0..half * half)
+        .map(|c| {
+            let at = 2 * (c / half) * side + 2 * (c % half);
+            image[at] + image[at + 1] + image[at + side] + image[at + side + 1]
+        })
+        .collect()
+}
+
+impl Frame {
+    pub fn new(shape: &Shape) -> Self {
+        let mut mask = vec![0.0; SIDE * SIDE];
+        shape.cells().iter().for_each(|&c| mask[c] = 1.0);
+        let mut levels = vec![Level::new(SIDE, mask)];
+        for scale in 1..SCALES {
+            let finer = &levels[scale - 1];
+            let mask = block_sums(finer.side, &finer.mask).iter().map(|&n| f64::from(n > 0.0)).collect();
+            levels.push(Level::new(finer.side / 2, mask));
+        }
+        Self { weights: shape.weights().to_vec(), levels }
+    }
+
+    /// Means of the existing pixels of each 2 x 2 block of a picture on level `scale - 1`.
+    fn reduce(&self, scale: usize, image: &[f64]) -> Vec<f64> {
+        let finer = &self.levels[scale - 1];
+        let counts = block_sums(finer.side, &finer.mask);
+        block_sums(finer.side, image).iter().zip(counts).map(|(s, n)| if n > 0.0 { s / n } else { 0.0 }).collect()
+    }
+}
+
+/// Mean and variance of L over every window of a level.
+#[derive(Debug, Clone, Default)]
+struct Local {
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+/// A picture with everything that comparing it needs.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    lightness: Vec<f64>,
+    chroma: Vec<[f64; 2]>,
+    /// L on the whole 32 x 32 grid, 0 off the disc.
+    image: Vec<f64>,
+    mean: f64,
+    variance: f64,
+    quantiles: [f64; QUANTILES],
+    local: Vec<Local>,
+}
+
+fn weighted_mean(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
+    weights.iter().zip(values).map(|(w, v)| w * v).sum()
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let n = values.len() as f64;
+    values.sum::<f64>() / n
+}
+
+impl Picture {
+    /// From the linear RGB radiance of the pixels of the frame.
+    pub fn new(frame: &Frame, radiance: &[Rgb]) -> Self {
+        let lightness: Vec<f64> = radiance.iter().map(|c| GAIN * (luminance(*c) + FLOOR).ln()).collect();
+        let ratio = |a: f64, b: f64| GAIN * ((a + FLOOR) / (b + FLOOR)).ln();
+        let chroma = radiance.iter().map(|c| [ratio(c[0], c[1]), ratio(c[2], c[1])]).collect();
+        let mut image = vec![0.0; SIDE * SIDE];
+        frame.levels[0].cells.iter().zip(&lightness).for_each(|(&c, l)| image[c] = *l);
+        let w = &frame.weights;
+        let mean = weighted_mean(w, lightness.iter().copied());
+        let variance = weighted_mean(w, lightness.iter().map(|l| (l - mean) * (l - mean)));
+        let quantiles = quantiles(w, &lightness);
+        let mut local = Vec::new();
+        let mut level_image = image.clone();
+        for (scale, level) in frame.levels.iter().enumerate() {
+            if scale > 0 {
+                level_image = frame.reduce(scale, &level_image);
+            }
+            let mean = level.window_means(&level_image);
+            let squares: Vec<f64> = level_image.iter().map(|l| l * l).collect();
+            let variance = level.window_means(&squares).iter().zip(&mean).map(|(s, m)| (s - m * m).max(0.0)).collect();
+            local.push(Local { mean, variance });
+        }
+        Self { lightness, chroma, image, mean, variance, quantiles, local }
+    }
+}
+
+/// Quantiles (i + .5) / 64 of `values` under `weights`, linear between the middles of the steps.
+fn quantiles(weights: &[f64], values: &[f64]) -> [f64; QUANTILES] {
+    let mut order: Vec<usize> = (0..values.len()).filter(|&i| weights[i] > 0.0).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let mut below = 0.0;
+    let middles: Vec<(f64, f64)> = order
+        .iter()
+        .map(|&i| {
+            let middle = below + 0.5 * weights[i];
+            below += weights[i];
+            (middle, values[i])
+        })
+        .collect();
+    let mut at = 0;
+    std::array::from_fn(|q| {
+        let p = (q as f64 + 0.5) / QUANTILES as f64;
+        while at + 1 < middles.len() && middles[at + 1].0 < p {
+            at += 1;
+        }
+        let (p0, v0) = middles[at];
+        let (p1, v1) = middles[(at + 1).min(middles.len() - 1)];
+        if p1 > p0 { v0 + (v1 - v0) * ((p - p0) / (p1 - p0)).clamp(0.0, 1.0) } else { v0 }
+    })
+}
+
+/// Differences of two pictures of the same shape and light, all exactly 0 for equal pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PictureDifference {
+    /// Mean of e.
+    pub mean: f64,
+    /// (sum w e^4)^(1/4).
+    pub fourth_power_mean: f64,
+    /// Mean of |dL|.
+    pub absolute_lightness: f64,
+    /// Mean of |(dc1, dc2)|.
+    pub chroma: f64,
+    /// Mean of dL.
+    pub signed_lightness: f64,
+    /// |(mean dc1, mean dc2)|.
+    pub chroma_shift: f64,
+    /// ln((sB + 1) / (sA + 1)).
+    pub deviation: f64,
+    /// 1 - (cov + 1) / (sA sB + 1).
+    pub decorrelation: f64,
+    /// sqrt(sA^2 + sB^2 - 2 cov): the deviation of dL.
+    pub centred_rms: f64,
+    /// Mean difference of the quantiles of each of [`QUANTILE_GROUPS`].
+    pub quantiles: [f64; 4],
+    /// 1 - mean((cov + 9) / (sA sB + 9)) over windows.
+    pub structure: f64,
+    /// 1 - mean((2 sA sB + 9) / (sA^2 + sB^2 + 9)) over windows.
+    pub contrast: f64,
+    /// ln((mean sB + .5) / (mean sA + .5)) over windows at scales 0 and 2.
+    pub local_deviation: [f64; 2],
+    /// Mean |difference of the window means| at scale 3.
+    pub local_mean: f64,
+}
+
+impl PictureDifference {
+    /// Candidate `b` against reference `a`.
+    pub fn new(frame: &Frame, a: &Picture, b: &Picture) -> Self {
+        let w = &frame.weights;
+        let lightness = || a.lightness.iter().zip(&b.lightness).map(|(a, b)| b - a);
+        let chroma = || a.chroma.iter().zip(&b.chroma).map(|(a, b)| [b[0] - a[0], b[1] - a[1]]);
+        let total = || lightness().zip(chroma()).map(|(l, c)| (l * l + c[0] * c[0] + c[1] * c[1]).sqrt());
+        let shift = |k: usize| weighted_mean(w, chroma().map(|c| c[k]));
+        let pairs = a.lightness.iter().zip(&b.lightness);
+        let covariance = weighted_mean(w, pairs.map(|(x, y)| (x - a.mean) * (y - b.mean)));
+        // The root of a product of variances, not the product of roots: exact where they are equal.
+        let product = (a.variance * b.variance).sqrt();
+        let (structure, contrast) = Self::structure_and_contrast(frame, a, b);
+        let local = |scale: usize, p: &Picture| mean(p.local[scale].variance.iter().map(|v| v.sqrt()));
+        let local_deviation = [0, 2].map(|s| ((local(s, b) + 0.5) / (local(s, a) + 0.5)).ln());
+        Self {
+            mean: weighted_mean(w, total()),
+            fourth_power_mean: weighted_mean(w, total().map(|e| e.powi(4))).sqrt().sqrt(),
+            absolute_lightness: weighted_mean(w, lightness().map(f64::abs)),
+            chroma: weighted_mean(w, chroma().map(|c| c[0].hypot(c[1]))),
+            signed_lightness: weighted_mean(w, lightness()),
+            chroma_shift: shift(0).hypot(shift(1)),
+            deviation: ((b.variance.sqrt() + 1.0) / (a.variance.sqrt() + 1.0)).ln(),
+            decorrelation: (product - covariance) / (product + 1.0),
+            centred_rms: (a.variance + b.variance - 2.0 * covariance).max(0.0).sqrt(),
+            quantiles: QUANTILE_GROUPS
+                .map(|(first, last)| mean((first..last + 1).map(|q| b.quantiles[q] - a.quantiles[q]))),
+            structure,
+            contrast,
+            local_deviation,
+            local_mean: mean(a.local[3].mean.iter().zip(&b.local[3].mean).map(|(a, b)| (b - a).abs())),
+        }
+    }
+
+    fn structure_and_contrast(frame: &Frame, a: &Picture, b: &Picture) -> (f64, f64) {
+        let products: Vec<f64> = a.image.iter().zip(&b.image).map(|(a, b)| a * b).collect();
+        let products = frame.levels[0].window_means(&products);
+        let (la, lb) = (&a.local[0], &b.local[0]);
+        let (mut structure, mut contrast) = (0.0, 0.0);
+        for (i, product) in products.iter().enumerate() {
+            let (va, vb) = (la.variance[i], lb.variance[i]);
+            let deviations = (va * vb).sqrt();
+            // Rounding may break the Cauchy-Schwarz inequality in flat windows.
+            let covariance = (product - la.mean[i] * lb.mean[i]).clamp(-deviations, deviations);
+            structure += (deviations - covariance) / (deviations + STABILISER);
+            contrast += (va + vb - 2.0 * deviations) / (va + vb + STABILISER);
+        }
+        (structure / products.len() as f64, contrast / products.len() as f64)
+    }
+}

@@ -1,0 +1,141 @@
+//! Under which lights and on which shape BRDFs are looked at: fixed once, part of every descriptor's identity.
+
+use super::DescriptorError;
+use super::light::Light;
+use super::operator::Operator;
+use super::picture::Frame;
+use super::shape::Shape;
+use crate::math::Vec3;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+/// Version of the descriptors. It changes whenever a number changes, so that caches and exported metrics never mix.
+pub const VERSION: &str = "1";
+
+/// Layouts of the lamps, averaged.
+const LAMPS: [usize; 3] = [1, 101, 201];
+/// Turns of a probe about the vertical, degrees, averaged.
+const PROBE_TURNS: [f64; 5] = [0.0, 45.0, 90.0, 180.0, 225.0];
+/// Angles to the normal from which the albedo is taken, degrees.
+const ALBEDO_ANGLES: [f64; 2] = [0.0, 60.0];
+
+/// The lights that carry detail.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Lights {
+    /// Three layouts of lamps, defined by code.
+    #[default]
+    Lamps,
+    /// A latitude/longitude Radiance picture (`.hdr`), in five turns.
+    Probe(PathBuf),
+}
+
+/// The shape whose normals weight the pictures.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum ShapeChoice {
+    #[default]
+    Sphere,
+    /// An ASCII PLY mesh.
+    Mesh(PathBuf),
+}
+
+/// What the descriptors depend on besides the two BRDFs.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct DescriptorOptions {
+    pub lights: Lights,
+    pub shape: ShapeChoice,
+}
+
+/// Lights, shape and the operators built from them.
+#[derive(Debug)]
+pub struct Setup {
+    id: String,
+    shape: Shape,
+    frame: Frame,
+    lights: Vec<Light>,
+    operators: OnceLock<Operators>,
+}
+
+#[derive(Debug)]
+pub(super) struct Operators {
+    pub pictures: Operator,
+    pub albedo: Operator,
+}
+
+fn file_id(kind: &str, path: &PathBuf, error: impl Fn(String) -> DescriptorError) -> Result<String, DescriptorError> {
+    let bytes = std::fs::read(path).map_err(|e| error(e.to_string()))?;
+    let hash = crate::brdf::ContentHash::of(&bytes).to_string();
+    Ok(format!("{kind}-{}", &hash[..16]))
+}
+
+impl Setup {
+    /// The setup of the shipped metric, defined by code alone, shared by the process.
+    pub fn standard() -> Arc<Self> {
+        static STANDARD: OnceLock<Arc<Setup>> = OnceLock::new();
+        STANDARD
+            .get_or_init(|| {
+                let lamps = LAMPS.map(Light::lamps).to_vec();
+                Arc::new(Self::assemble("lamps".into(), lamps, "sphere".into(), Shape::sphere()))
+            })
+            .clone()
+    }
+
+    /// A setup with options. Errors: a probe or mesh that cannot be read.
+    pub fn new(options: &DescriptorOptions) -> Result<Arc<Self>, DescriptorError> {
+        if *options == DescriptorOptions::default() {
+            return Ok(Self::standard());
+        }
+        let (lights_id, lights) = match &options.lights {
+            Lights::Lamps => ("lamps".to_owned(), LAMPS.map(Light::lamps).to_vec()),
+            Lights::Probe(path) => {
+                let id = file_id("probe", path, |reason| DescriptorError::Probe { path: path.clone(), reason })?;
+                let probe = Light::probe(path)?;
+                (id, PROBE_TURNS.iter().map(|&t| probe.rotated(t)).collect())
+            }
+        };
+        let (shape_id, shape) = match &options.shape {
+            ShapeChoice::Sphere => ("sphere".to_owned(), Shape::sphere()),
+            ShapeChoice::Mesh(path) => {
+                let id = file_id("mesh", path, |reason| DescriptorError::Mesh { path: path.clone(), reason })?;
+                (id, Shape::mesh(path)?)
+            }
+        };
+        Ok(Arc::new(Self::assemble(lights_id, lights, shape_id, shape)))
+    }
+
+    fn assemble(lights_id: String, mut lights: Vec<Light>, shape_id: String, shape: Shape) -> Self {
+        lights.push(Light::slot());
+        let id = format!("v{VERSION}-{lights_id}-{shape_id}");
+        Self { id, frame: Frame::new(&shape), shape, lights, operators: OnceLock::new() }
+    }
+
+    /// Version and options, safe as part of a file name.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Number of lights; the slot is the last.
+    pub fn lights(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// Pixels of a picture.
+    pub fn pixels(&self) -> usize {
+        self.shape.len()
+    }
+
+    pub(super) fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    pub(super) fn operators(&self) -> &Operators {
+        self.operators.get_or_init(|| {
+            let pixels: Vec<Vec<Vec3>> = (0..self.shape.len()).map(|p| self.shape.normals(p).to_vec()).collect();
+            let tilted: Vec<Vec<Vec3>> =
+                ALBEDO_ANGLES.iter().map(|a| vec![Vec3::from_spherical(a.to_radians(), 0.0)]).collect();
+            Operators {
+                pictures: Operator::build(&pixels, &self.lights),
+                albedo: Operator::build(&tilted, &[Light::constant(1.0)]),
+            }
+        })
+    }
+}

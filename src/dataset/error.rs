@@ -1,0 +1,33 @@
+//! What can be wrong with a study.
+
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Errors of this room: each names what is wrong, where, what was found and what is allowed, in one line.
+#[derive(Debug, Error)]
+pub enum DatasetError {
+    #[error("unknown study `{name}`; known studies: {known}; nearest: {nearest}; or give the path of a .csv file")]
+    UnknownStudy { name: String, known: String, nearest: String },
+    #[error("study {study} needs a data folder that holds {needs}, and none was given")]
+    NoDataFolder { study: String, needs: String },
+    #[error("study {study}: {} is missing; get it from {from}", path.display())]
+    MissingFile { study: String, path: PathBuf, from: String },
+    #[error("{}: {reason}", path.display())]
+    Unreadable { path: PathBuf, reason: String },
+    #[error("{}: line {line}: {field} is {found}; allowed: {allowed}", path.display())]
+    Field { path: PathBuf, line: u64, field: String, found: String, allowed: String },
+    #[error("manifest of {study}: {reason}")]
+    Manifest { study: String, reason: String },
+    #[error("study {study} has no usable pair: {reason}")]
+    NoPairs { study: String, reason: String },
+    #[error("study {study} has one material ({material}); learning across materials needs at least 2")]
+    OneMaterial { study: String, material: String },
+    #[error("study {study} has {groups} groups of materials; {folds} folds need at least {folds}")]
+    TooFewGroups { study: String, groups: usize, folds: usize },
+    #[error("study {study}: all {pairs} ratings are {mos}; there is nothing to learn from equal ratings")]
+    EqualRatings { study: String, pairs: usize, mos: f64 },
+    #[error("study {study}: material {material} belongs to the groups {first} and {second}; allowed: one group")]
+    TwoGroups { study: String, material: String, first: String, second: String },
+    #[error("study synthetic: {reason}")]
+    Synthetic { reason: String },
+}

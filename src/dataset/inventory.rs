@@ -1,0 +1,183 @@
+//! What of every known study is in a data folder, and where to get the rest.
+
+use super::manifest::{Collection, Manifest, NAMES, PinnedFile};
+use super::{Completeness, Study, synthetic};
+use crate::brdf::ContentHash;
+use serde::Serialize;
+use std::path::Path;
+
+/// State of a pinned file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FileState {
+    Missing,
+    /// Size and SHA-256 are what the manifest pins.
+    AsPublished,
+    /// Not the published content, but a part of it is of use: the number of pairs says how much it is.
+    Extract,
+    /// Not the published content: results will not be comparable with other people's.
+    Different,
+    Unreadable(String),
+}
+
+/// A pinned file of a study.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FileStatus {
+    /// In the data folder.
+    pub path: String,
+    pub role: String,
+    pub state: FileState,
+    /// SHA-256 of the file that is there.
+    pub found_sha256: Option<String>,
+    /// SHA-256 that the manifest pins.
+    pub published_sha256: String,
+    pub licence: String,
+    /// Where to get it.
+    pub origin: String,
+}
+
+/// Files too many to list one by one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct CollectionStatus {
+    pub what: String,
+    pub licence: String,
+    /// Where to get them.
+    pub origin: String,
+    pub bytes: Option<u64>,
+    pub checksum: Option<String>,
+}
+
+/// One line of `vernis data list`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StudyStatus {
+    pub name: String,
+    pub title: String,
+    pub doi: Option<String>,
+    pub synthetic: bool,
+    pub pairs: Completeness,
+    pub files: Vec<FileStatus>,
+    pub collections: Vec<CollectionStatus>,
+    /// Why the study cannot be loaded from this folder; `None` when it can.
+    pub problem: Option<String>,
+}
+
+impl StudyStatus {
+    /// `Study::load` succeeds on this folder.
+    pub fn loads(&self) -> bool {
+        self.problem.is_none()
+    }
+}
+
+/// Every known study and how much of it is in `data`. Reads the pinned files to check them; downloads nothing.
+pub fn inventory(data: Option<&Path>) -> Vec<StudyStatus> {
+    NAMES.iter().map(|name| published_status(name, data)).chain([synthetic_status()]).collect()
+}
+
+fn synthetic_status() -> StudyStatus {
+    StudyStatus {
+        name: synthetic::NAME.into(),
+        title: synthetic::TITLE.into(),
+        doi: None,
+        synthetic: true,
+        pairs: Completeness { found: synthetic::PAIRS, known: synthetic::PAIRS },
+        files: Vec::new(),
+        collections: Vec::new(),
+        problem: None,
+    }
+}
+
+fn published_status(name: &str, data: Option<&Path>) -> StudyStatus {
+    let unloadable = |problem: String| StudyStatus {
+        name: name.into(),
+        title: String::new(),
+        doi: None,
+        synthetic: false,
+        pairs: Completeness { found: 0, known: 0 },
+        files: Vec::new(),
+        collections: Vec::new(),
+        problem: Some(problem),
+    };
+    let manifest = match Manifest::embedded(name) {
+        Ok(manifest) => manifest,
+        Err(e) => return unloadable(e.to_string()),
+    };
+    let loaded = Study::load(name, data);
+    let found = loaded.as_ref().map_or(0, |s| s.completeness.found);
+    StudyStatus {
+        title: manifest.title().into(),
+        doi: Some(manifest.doi().into()),
+        pairs: Completeness { found, known: manifest.pairs() },
+        files: manifest.files().into_iter().map(|f| file_status(f, data)).collect(),
+        collections: manifest.collections().iter().map(collection_status).collect(),
+        problem: loaded.err().map(|e| e.to_string()),
+        ..unloadable(String::new())
+    }
+}
+
+fn file_status(pinned: &PinnedFile, data: Option<&Path>) -> FileStatus {
+    let (state, found_sha256) = match data.map(|d| std::fs::read(d.join(&pinned.path))) {
+        None => (FileState::Missing, None),
+        Some(Err(e)) if e.kind() == std::io::ErrorKind::NotFound => (FileState::Missing, None),
+        Some(Err(e)) => (FileState::Unreadable(e.to_string()), None),
+        Some(Ok(bytes)) => {
+            let sha256 = ContentHash::of(&bytes).to_string();
+            let state = if sha256 == pinned.sha256 {
+                FileState::AsPublished
+            } else if pinned.extract_allowed {
+                FileState::Extract
+            } else {
+                FileState::Different
+            };
+            (state, Some(sha256))
+        }
+    };
+    FileStatus {
+        path: pinned.path.clone(),
+        role: pinned.role.clone(),
+        state,
+        found_sha256,
+        published_sha256: pinned.sha256.clone(),
+        licence: pinned.licence.clone(),
+        origin: pinned.origin(),
+    }
+}
+
+fn collection_status(c: &Collection) -> CollectionStatus {
+    CollectionStatus {
+        what: c.what.clone(),
+        licence: c.licence.clone(),
+        origin: c.origin(),
+        bytes: c.bytes,
+        checksum: c.checksum.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn without_a_folder_only_the_embedded_study_loads() {
+        let all = inventory(None);
+        assert_eq!(all.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), Study::known());
+        let loads: Vec<&str> = all.iter().filter(|s| s.loads()).map(|s| s.name.as_str()).collect();
+        assert_eq!(loads, [synthetic::NAME]);
+        assert!(all.iter().all(|s| s.pairs.known > 0 && s.pairs.found == if s.synthetic { s.pairs.known } else { 0 }));
+    }
+
+    #[test]
+    fn a_file_that_is_not_the_published_one_says_so() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir_all(dir.path().join("lavoue2021")).unwrap();
+        for file in ["PerceptualDistances.csv", "MaterialType.csv"] {
+            fs::write(dir.path().join("lavoue2021").join(file), "something else").unwrap();
+        }
+        let full = published_status("lavoue2021", Some(dir.path()));
+        let states: Vec<&FileState> = full.files.iter().map(|f| &f.state).collect();
+        assert_eq!(states, [&FileState::Extract, &FileState::Different]);
+        assert!(!full.loads() && full.pairs.found == 0);
+        let open = published_status("lavoue2021-open", Some(dir.path()));
+        assert!(open.files.iter().skip(2).all(|f| f.state == FileState::Missing));
+    }
+}

@@ -1,0 +1,419 @@
+//! Manifests: what a published study is made of and where its files come from, as `datasets/<study>/manifest.toml`
+//! states it. The files are compiled in, so that a binary alone knows every study.
+
+use super::DatasetError;
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Published studies, in the order in which they are listed.
+pub const NAMES: [&str; 2] = ["lavoue2021", "lavoue2021-open"];
+
+const LAVOUE2021: &str = include_str!("../../datasets/lavoue2021/manifest.toml");
+const LAVOUE2021_OPEN: &str = include_str!("../../datasets/lavoue2021-open/manifest.toml");
+
+/// A published study.
+#[derive(Debug, Clone)]
+pub enum Manifest {
+    /// A study with ratings of its own, whose BRDFs are tables.
+    Rated(RatedManifest),
+    /// The pairs of a rated study that can be rebuilt from other files.
+    Rebuilt { rebuilt: RebuiltManifest, base: RatedManifest },
+}
+
+/// `manifest.toml` of a study that brings its ratings.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RatedManifest {
+    pub name: String,
+    pub title: String,
+    pub doi: String,
+    /// Rated pairs of the whole study.
+    pub pairs: usize,
+    pub ratings: Ratings,
+    pub tables: Tables,
+    pub references: References,
+    #[serde(rename = "file")]
+    pub files: Vec<PinnedFile>,
+    #[serde(rename = "collection")]
+    pub collections: Vec<Collection>,
+    #[serde(rename = "method")]
+    pub methods: Vec<Method>,
+    pub sisters: Vec<Sisters>,
+}
+
+/// Where the ratings are, in the data folder.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ratings {
+    pub file: String,
+    pub material_types: String,
+    /// Patterns of the rows of `material_types` that are no material of the study.
+    pub ignored_types: Vec<String>,
+}
+
+/// Where candidates' tables may be: `<folder>/<material>.<letter>.<extension>`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tables {
+    pub folders: Vec<String>,
+    pub extensions: Vec<String>,
+    /// Size of a table by extension, where all have one size.
+    pub bytes: BTreeMap<String, u64>,
+}
+
+/// Where the measured materials may be; `{material}` stands for the name.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct References {
+    pub paths: Vec<String>,
+}
+
+/// A file of the data folder, pinned to one published content.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PinnedFile {
+    /// In the data folder.
+    pub path: String,
+    pub role: String,
+    /// Address of the repository.
+    pub source: String,
+    /// Commit of the repository.
+    pub revision: String,
+    /// In the repository.
+    pub source_path: String,
+    pub bytes: Option<u64>,
+    pub sha256: String,
+    pub licence: String,
+    /// A part of the file is of use too.
+    #[serde(default)]
+    pub extract_allowed: bool,
+}
+
+impl PinnedFile {
+    /// Where to get it, in one line.
+    pub fn origin(&self) -> String {
+        format!("{}, commit {}, {}", self.source, self.revision, self.source_path)
+    }
+}
+
+/// Files too many or too large to pin one by one.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Collection {
+    pub what: String,
+    pub source: String,
+    pub source_path: String,
+    pub bytes: Option<u64>,
+    pub checksum: Option<String>,
+    pub licence: String,
+}
+
+impl Collection {
+    /// Where to get it, in one line.
+    pub fn origin(&self) -> String {
+        format!("{}, {}", self.source, self.source_path)
+    }
+}
+
+/// An approximation method as the ratings name it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Method {
+    pub name: String,
+    pub family: String,
+    /// The method's letter in the names of the study's tables.
+    pub letter: char,
+}
+
+/// Materials that are kept on one side of every split.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sisters {
+    pub group: String,
+    pub pattern: String,
+}
+
+/// `manifest.toml` of a study that rebuilds the pairs of another one.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RebuiltManifest {
+    pub name: String,
+    pub title: String,
+    pub doi: String,
+    pub pairs: usize,
+    /// The study whose ratings, sisters and families are used.
+    pub ratings_of: String,
+    /// Source of a reference; `{material}` stands for the name.
+    pub reference: String,
+    #[serde(rename = "candidate")]
+    pub candidates: Vec<Candidate>,
+    #[serde(rename = "file")]
+    pub files: Vec<PinnedFile>,
+    pub reliability: Reliability,
+}
+
+/// How the candidates of a method are rebuilt.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Candidate {
+    pub method: String,
+    /// `{material}` stands for the name.
+    pub source: String,
+}
+
+/// Errors of references that are stand-ins for measured materials.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reliability {
+    pub scale: f64,
+    /// By material; others are taken as exact.
+    pub errors: BTreeMap<String, f64>,
+}
+
+impl Reliability {
+    /// Training weight of the rows of a material: 1/(1 + (error/scale)^2).
+    pub fn weight(&self, material: &str) -> f64 {
+        self.errors.get(material).map_or(1.0, |e| 1.0 / (1.0 + (e / self.scale).powi(2)))
+    }
+}
+
+impl Manifest {
+    /// The compiled-in manifest of a study in [`NAMES`].
+    pub fn embedded(name: &str) -> Result<Self, DatasetError> {
+        let rated = || RatedManifest::parse("lavoue2021", LAVOUE2021);
+        match name {
+            "lavoue2021" => Ok(Self::Rated(rated()?)),
+            "lavoue2021-open" => {
+                let (rebuilt, base) = (RebuiltManifest::parse(name, LAVOUE2021_OPEN)?, rated()?);
+                rebuilt.check(&base)?;
+                Ok(Self::Rebuilt { rebuilt, base })
+            }
+            _ => Err(DatasetError::Manifest { study: name.into(), reason: "there is no such manifest".into() }),
+        }
+    }
+
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Rated(m) => &m.name,
+            Self::Rebuilt { rebuilt, .. } => &rebuilt.name,
+        }
+    }
+
+    pub fn title(&self) -> &str {
+        match self {
+            Self::Rated(m) => &m.title,
+            Self::Rebuilt { rebuilt, .. } => &rebuilt.title,
+        }
+    }
+
+    pub fn doi(&self) -> &str {
+        match self {
+            Self::Rated(m) => &m.doi,
+            Self::Rebuilt { rebuilt, .. } => &rebuilt.doi,
+        }
+    }
+
+    /// Rated pairs of the whole study.
+    pub fn pairs(&self) -> usize {
+        match self {
+            Self::Rated(m) => m.pairs,
+            Self::Rebuilt { rebuilt, .. } => rebuilt.pairs,
+        }
+    }
+
+    /// The study that brings ratings, material types, sisters and method families.
+    pub fn rated(&self) -> &RatedManifest {
+        match self {
+            Self::Rated(m) => m,
+            Self::Rebuilt { base, .. } => base,
+        }
+    }
+
+    /// Every pinned file, ratings first.
+    pub fn files(&self) -> Vec<&PinnedFile> {
+        let rebuilt = match self {
+            Self::Rated(_) => &[][..],
+            Self::Rebuilt { rebuilt, .. } => &rebuilt.files[..],
+        };
+        self.rated().files.iter().chain(rebuilt).collect()
+    }
+
+    /// What the study needs beside its pinned files.
+    pub fn collections(&self) -> &[Collection] {
+        match self {
+            Self::Rated(m) => &m.collections,
+            Self::Rebuilt { .. } => &[],
+        }
+    }
+}
+
+impl RatedManifest {
+    /// Parses and checks `manifest.toml`.
+    pub fn parse(study: &str, text: &str) -> Result<Self, DatasetError> {
+        let m: Self = from_toml(study, text)?;
+        unique(study, "method", m.methods.iter().map(|x| x.name.as_str()))?;
+        unique(study, "file", m.files.iter().map(|x| x.path.as_str()))?;
+        for path in [&m.ratings.file, &m.ratings.material_types] {
+            if !m.files.iter().any(|f| f.path == *path) {
+                return Err(manifest_error(study, format!("{path} is used but not among the files")));
+            }
+        }
+        m.files.iter().try_for_each(|f| check_sha256(study, f))?;
+        Ok(m)
+    }
+
+    pub fn method(&self, name: &str) -> Option<&Method> {
+        self.methods.iter().find(|m| m.name == name)
+    }
+
+    /// The group of a material: its sisters' where it has some, else its own name.
+    pub fn group(&self, material: &str) -> String {
+        let sisters = self.sisters.iter().find(|s| matches_pattern(&s.pattern, material));
+        sisters.map_or(material, |s| &s.group).to_owned()
+    }
+}
+
+impl RebuiltManifest {
+    /// Parses and checks `manifest.toml`.
+    pub fn parse(study: &str, text: &str) -> Result<Self, DatasetError> {
+        let m: Self = from_toml(study, text)?;
+        unique(study, "method", m.candidates.iter().map(|x| x.method.as_str()))?;
+        unique(study, "file", m.files.iter().map(|x| x.path.as_str()))?;
+        m.files.iter().try_for_each(|f| check_sha256(study, f))?;
+        let sources = m.candidates.iter().map(|c| &c.source).chain([&m.reference]);
+        for source in sources {
+            let file = source.split(':').next().unwrap_or(source);
+            if !m.files.iter().any(|f| f.path == file) {
+                return Err(manifest_error(study, format!("{file} is used but not among the files")));
+            }
+        }
+        let bad = |e: &f64| !(e.is_finite() && *e >= 0.0);
+        if !(m.reliability.scale > 0.0) || m.reliability.errors.values().any(bad) {
+            return Err(manifest_error(study, "reliability needs a positive scale and errors of at least 0".into()));
+        }
+        Ok(m)
+    }
+
+    fn check(&self, base: &RatedManifest) -> Result<(), DatasetError> {
+        if self.ratings_of != base.name {
+            return Err(manifest_error(&self.name, format!("no study {} to take ratings of", self.ratings_of)));
+        }
+        match self.candidates.iter().find(|c| base.method(&c.method).is_none()) {
+            Some(c) => Err(manifest_error(&self.name, format!("{} has no method {}", base.name, c.method))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Whether `name` fits `pattern`, in which at most one `*` stands for any characters.
+pub fn matches_pattern(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        None => pattern == name,
+        Some((head, tail)) => {
+            name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail)
+        }
+    }
+}
+
+fn manifest_error(study: &str, reason: String) -> DatasetError {
+    DatasetError::Manifest { study: study.into(), reason }
+}
+
+fn from_toml<T: serde::de::DeserializeOwned>(study: &str, text: &str) -> Result<T, DatasetError> {
+    toml::from_str(text).map_err(|e| manifest_error(study, e.to_string().trim().replace('\n', " ")))
+}
+
+fn unique<'a>(study: &str, what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), DatasetError> {
+    let mut seen = BTreeSet::new();
+    for name in names {
+        if !seen.insert(name) {
+            return Err(manifest_error(study, format!("{what} {name} is listed twice")));
+        }
+    }
+    Ok(())
+}
+
+fn check_sha256(study: &str, file: &PinnedFile) -> Result<(), DatasetError> {
+    let hex = file.sha256.len() == 64 && file.sha256.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    if hex { Ok(()) } else { Err(manifest_error(study, format!("{}: sha256 is not 64 lower-case digits", file.path))) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_embedded_manifest_parses() {
+        for name in NAMES {
+            let m = Manifest::embedded(name).unwrap();
+            assert_eq!(m.name(), name);
+            assert!(m.files().iter().all(|f| f.source.starts_with("https://") && f.revision.len() == 40));
+        }
+        // 2,026 BRDFs of which 100 are hidden references (Lavoue et al. 2021, section 3).
+        assert_eq!(Manifest::embedded("lavoue2021").unwrap().pairs(), 2026 - 100);
+        // Three methods on 100 materials and three on the 86 of Ngan et al. 2005.
+        assert_eq!(Manifest::embedded("lavoue2021-open").unwrap().pairs(), 3 * 100 + 3 * 86);
+    }
+
+    #[test]
+    fn sisters_share_a_group_and_others_keep_their_name() {
+        let m = Manifest::embedded("lavoue2021").unwrap();
+        let m = m.rated();
+        for (a, b) in [
+            ("gold-metallic-paint", "gold-metallic-paint3"),
+            ("pink-fabric", "pink-fabric2"),
+            ("color-changing-paint1", "color-changing-paint3"),
+            ("specular-black-phenolic", "specular-violet-phenolic"),
+            ("white-fabric", "white-fabric2"),
+            ("blue-metallic-paint", "blue-metallic-paint2"),
+            ("green-metallic-paint", "green-metallic-paint2"),
+            ("red-fabric", "red-fabric2"),
+            ("silver-metallic-paint", "silver-metallic-paint2"),
+        ] {
+            assert_eq!(m.group(a), m.group(b));
+        }
+        for alone in ["black-phenolic", "gold-paint", "pink-felt", "steel", "red-metallic-paint", "dark-specular-fabric"]
+        {
+            assert_eq!(m.group(alone), alone);
+        }
+    }
+
+    #[test]
+    fn families_join_fits_of_one_model() {
+        let m = Manifest::embedded("lavoue2021").unwrap();
+        let family = |name: &str| m.rated().method(name).map(|x| x.family.clone()).unwrap();
+        for (a, b) in [
+            ("ABC", "ABC-OURS"),
+            ("WARD", "WARD-OURS"),
+            ("BLINN-PHONG", "BLINN-PHONG-OURS"),
+            ("LAFORTUNE", "LAFORTUNE-OURS"),
+            ("CHEBYCHEV", "LEGENDRE"),
+            ("GPLVM_APPROX.1", "GPLVM_APPROX.6"),
+        ] {
+            assert_eq!(family(a), family(b));
+        }
+        let alone = ["BAGHER", "SGD", "GGX", "BECKMAN", "DUPUY"];
+        assert_eq!(alone.iter().map(|a| family(a)).collect::<BTreeSet<_>>().len(), alone.len());
+        assert_eq!(m.rated().methods.iter().map(|m| m.letter).collect::<BTreeSet<_>>().len(), m.rated().methods.len());
+    }
+
+    #[test]
+    fn weights_fall_with_the_error_of_the_reference() {
+        let Manifest::Rebuilt { rebuilt, .. } = Manifest::embedded("lavoue2021-open").unwrap() else {
+            panic!("lavoue2021-open is a rebuilt study");
+        };
+        let weight = |m: &str| rebuilt.reliability.weight(m);
+        assert_eq!(weight("teflon"), 1.0);
+        assert!((weight("steel") - 0.3065).abs() < 1e-4);
+        assert!(weight("steel") < weight("chrome") && weight("chrome") < weight("nickel"));
+    }
+
+    #[test]
+    fn a_field_that_nobody_reads_is_refused() {
+        let text = LAVOUE2021.replacen("doi =", "dio = 1\ndoi =", 1);
+        let message = RatedManifest::parse("lavoue2021", &text).unwrap_err().to_string();
+        assert!(message.contains("dio") && !message.contains('\n'), "{message}");
+        let twice = LAVOUE2021.replacen("name = \"SGD\"", "name = \"GGX\"", 1);
+        assert!(RatedManifest::parse("lavoue2021", &twice).unwrap_err().to_string().contains("GGX is listed twice"));
+    }
+}

@@ -1,0 +1,161 @@
+//! Published studies in a data folder, as their manifests describe them.
+
+use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
+use super::ratings::{Rating, read_ratings, read_types};
+use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
+use crate::brdf::{BrdfSource, ContentHash};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Loads the rated pairs whose ratings and BRDFs are in `data`.
+pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetError> {
+    let Some(data) = data else {
+        let needs: Vec<&str> = manifest.files().iter().map(|f| f.path.as_str()).collect();
+        return Err(DatasetError::NoDataFolder { study: manifest.name().into(), needs: needs.join(", ") });
+    };
+    let mut files = Vec::new();
+    let mut contents = BTreeMap::new();
+    for pinned in manifest.files() {
+        let (bytes, file) = read_pinned(manifest.name(), data, pinned)?;
+        files.push(file);
+        contents.insert(pinned.path.as_str(), bytes);
+    }
+    let rated = manifest.rated();
+    let bytes = |file: &str| contents.get(file).map_or(&[][..], |b| b.as_slice());
+    let ratings = read_ratings(&data.join(&rated.ratings.file), bytes(&rated.ratings.file), rated)?;
+    let types_file = &rated.ratings.material_types;
+    let types = read_types(&data.join(types_file), bytes(types_file), rated)?;
+
+    let pair = |rating: &Rating, (reference, candidate): (String, String), weight: f64| RatedPair {
+        reference: BrdfSource::Notation(reference),
+        candidate: BrdfSource::Notation(candidate),
+        material: rating.material.clone(),
+        group: rated.group(&rating.material),
+        method: rating.method.clone(),
+        method_family: rated.method(&rating.method).map_or(&rating.method, |m| &m.family).clone(),
+        material_type: types.get(&rating.material).cloned(),
+        mos: rating.mos,
+        weight,
+    };
+    let pairs: Vec<RatedPair> = match manifest {
+        Manifest::Rated(m) => {
+            ratings.iter().filter_map(|r| table_sources(m, data, r).map(|sources| pair(r, sources, 1.0))).collect()
+        }
+        Manifest::Rebuilt { rebuilt, .. } => ratings
+            .iter()
+            .filter_map(|r| {
+                let weight = rebuilt.reliability.weight(&r.material);
+                rebuilt_sources(rebuilt, data, r).map(|sources| pair(r, sources, weight))
+            })
+            .collect(),
+    };
+    if pairs.is_empty() {
+        return Err(no_pairs(manifest, data, ratings.len()));
+    }
+    let completeness = Completeness { found: pairs.len(), known: manifest.pairs() };
+    Ok(Study { name: manifest.name().into(), synthetic: false, completeness, files, pairs })
+}
+
+fn no_pairs(manifest: &Manifest, data: &Path, ratings: usize) -> DatasetError {
+    let from: Vec<String> = manifest.collections().iter().map(|c| format!("{}: {}", c.what, c.origin())).collect();
+    let reason = if ratings == 0 {
+        "the file of ratings has no row".to_owned()
+    } else {
+        format!("none of the BRDFs of its {ratings} ratings is in {}; get {}", data.display(), from.join("; "))
+    };
+    DatasetError::NoPairs { study: manifest.name().into(), reason }
+}
+
+fn read_pinned(study: &str, data: &Path, pinned: &PinnedFile) -> Result<(Vec<u8>, StudyFile), DatasetError> {
+    let path = data.join(&pinned.path);
+    let bytes = match std::fs::read(&path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            return Err(DatasetError::MissingFile { study: study.into(), path, from: pinned.origin() });
+        }
+        Err(e) => return Err(DatasetError::Unreadable { path, reason: e.to_string() }),
+    };
+    let content = ContentHash::of(&bytes);
+    let as_published = Some(content.to_string() == pinned.sha256);
+    Ok((bytes, StudyFile { path, content, as_published }))
+}
+
+/// Notation of a path of the data folder: the source notation wants text.
+fn notation(path: PathBuf) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+/// The tables of a rated pair, when both are there.
+fn table_sources(m: &RatedManifest, data: &Path, rating: &Rating) -> Option<(String, String)> {
+    let letter = m.method(&rating.method)?.letter;
+    let references = m.references.paths.iter().map(|p| p.replace("{material}", &rating.material));
+    let candidates = m.tables.folders.iter().flat_map(|folder| {
+        let tables = m.tables.extensions.iter();
+        tables.map(move |e| format!("{folder}/{}.{letter}.{e}", rating.material))
+    });
+    let first = |mut paths: Box<dyn Iterator<Item = String> + '_>| {
+        paths.find_map(|p| Some(data.join(p.trim_start_matches("./"))).filter(|p| p.is_file()))
+    };
+    Some((notation(first(Box::new(references))?), notation(first(Box::new(candidates))?)))
+}
+
+/// The sources that rebuild a rated pair, when the manifest says how.
+fn rebuilt_sources(m: &RebuiltManifest, data: &Path, rating: &Rating) -> Option<(String, String)> {
+    let candidate = m.candidates.iter().find(|c| c.method == rating.method)?;
+    let source = |template: &str| notation(data.join(template.replace("{material}", &rating.material)));
+    Some((source(&m.reference), source(&candidate.source)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// A data folder of the full study with two materials, of which one has a candidate table.
+    fn folder() -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir_all(dir.path().join("lavoue2021/tables")).unwrap();
+        fs::create_dir_all(dir.path().join("merl")).unwrap();
+        let write = |path: &str, text: &str| fs::write(dir.path().join(path), text).unwrap();
+        write(
+            "lavoue2021/PerceptualDistances.csv",
+            "METHOD;BRDF;DISTANCE\nSGD;pink-fabric;0.5\nABC;pink-fabric;0.25\nSGD;steel;0\n",
+        );
+        write("lavoue2021/MaterialType.csv", "BRDF;Type\npink-fabric;Dielectric\nsteel;Metal\n");
+        write("merl/pink-fabric.binary", "");
+        write("merl/steel.binary", "");
+        dir
+    }
+
+    fn load_full(data: Option<&Path>) -> Result<Study, DatasetError> {
+        load(&Manifest::embedded("lavoue2021")?, data)
+    }
+
+    #[test]
+    fn only_pairs_with_both_tables_are_found() {
+        let dir = folder();
+        let message = load_full(Some(dir.path())).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(message.contains("none of the BRDFs of its 3 ratings"), "{message}");
+        fs::write(dir.path().join("lavoue2021/tables/pink-fabric.A.titopo"), "").unwrap();
+        let study = load_full(Some(dir.path())).unwrap();
+        assert_eq!(study.completeness, Completeness { found: 1, known: 1926 });
+        assert!(!study.completeness.is_whole());
+        let p = &study.pairs[0];
+        assert_eq!((p.method.as_str(), p.mos, p.weight), ("ABC", 4.0, 1.0));
+        assert_eq!((p.group.as_str(), p.material_type.as_deref()), ("pink-fabric", Some("Dielectric")));
+        let BrdfSource::Notation(candidate) = &p.candidate else { panic!("a table is a notation") };
+        assert!(candidate.ends_with("pink-fabric.A.titopo"));
+        // The manifest pins the published files, which these are not.
+        assert!(study.files.iter().all(|f| f.as_published == Some(false)));
+    }
+
+    #[test]
+    fn a_missing_folder_or_file_is_named_with_its_source() {
+        assert!(matches!(load_full(None), Err(DatasetError::NoDataFolder { .. })));
+        let dir = folder();
+        fs::remove_file(dir.path().join("lavoue2021/MaterialType.csv")).unwrap();
+        let message = load_full(Some(dir.path())).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(message.contains("MaterialType.csv is missing"), "{message}");
+        assert!(message.contains("d3a0c120ee1976c85008d1f7606cb1872f4bcd0b"), "{message}");
+    }
+}

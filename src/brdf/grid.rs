@@ -4,6 +4,10 @@ use crate::math::Vec3;
 use crate::math::coordinates::{fold_reciprocal, half_difference};
 use std::f64::consts::{FRAC_PI_2, PI};
 
+/// How far below the edge of a cell, in cells, its content begins: a value that belongs at an edge must find its own
+/// cell whatever the last digit of its angle.
+pub(super) const SNAP: f64 = 1e-9;
+
 /// Where in its cell a value of a [`Grid::Standard`] table belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Anchor {
@@ -71,7 +75,12 @@ impl Grid {
             Self::Standard { anchor: Anchor::Edge, .. } => 0.0,
             _ => 0.5,
         };
-        let x = (k as f64 + offset) / self.shape()[axis] as f64;
+        self.edge(axis, k as f64 + offset)
+    }
+
+    /// The angle, in radians, at the position `x` along `axis`; bin k covers k to k + 1.
+    pub(super) fn edge(&self, axis: usize, x: f64) -> f64 {
+        let x = x / self.shape()[axis] as f64;
         match (self, axis) {
             (_, 2) => x * self.phi_span(),
             (Self::HalfDifference { .. }, 0) => x * x * FRAC_PI_2,
@@ -80,7 +89,7 @@ impl Grid {
     }
 
     /// The range of the last axis: half a turn where reciprocity makes the other half redundant.
-    fn phi_span(&self) -> f64 {
+    pub(super) fn phi_span(&self) -> f64 {
         match *self {
             Self::HalfDifference { theta_d, phi_d, .. } if phi_d <= 2 * theta_d => PI,
             _ => 2.0 * PI,
@@ -106,10 +115,8 @@ impl Grid {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return None;
         }
-        // A value at a cell's edge must find its own cell whatever the last digit of its angle.
-        let snap = 1e-9;
-        let bin = |x: f64, n: usize| ((x.max(0.0) + snap) as usize).min(n - 1);
-        let turn = |x: f64, n: usize| (x + snap) as usize % n;
+        let bin = |x: f64, n: usize| ((x.max(0.0) + SNAP) as usize).min(n - 1);
+        let turn = |x: f64, n: usize| (x + SNAP) as usize % n;
         let [n0, n1, n2] = self.shape();
         let (i, j, k) = match *self {
             Self::HalfDifference { .. } => {
@@ -124,7 +131,9 @@ impl Grid {
             }
             Self::Standard { .. } => {
                 let polar = |w: Vec3| (w.x * w.x + w.y * w.y).sqrt().atan2(w.z) / FRAC_PI_2;
-                let phi = (wo.y.atan2(wo.x) - wi.y.atan2(wi.x)).rem_euclid(2.0 * PI) / (2.0 * PI);
+                // The pole has no azimuth; `atan2` would make one up from the signs of its zeros.
+                let azimuth = |w: Vec3| if w.x == 0.0 && w.y == 0.0 { 0.0 } else { w.y.atan2(w.x) };
+                let phi = (azimuth(wo) - azimuth(wi)).rem_euclid(2.0 * PI) / (2.0 * PI);
                 (bin(polar(wi) * n0 as f64, n0), bin(polar(wo) * n1 as f64, n1), turn(phi * n2 as f64, n2))
             }
         };
@@ -143,7 +152,8 @@ impl GridDirections {
     pub fn get(&self, index: usize) -> (Vec3, Vec3) {
         let [_, n1, n2] = self.grid.shape();
         let [a, b, phi] = &self.sines;
-        self.grid.from_sines(a[index / (n1 * n2)], b[index / n2 % n1], phi[index % n2])
+        let row = index / n2;
+        self.grid.from_sines(a[row / n1], b[row % n1], phi[index % n2])
     }
 }
 

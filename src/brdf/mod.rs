@@ -1,5 +1,6 @@
 //! Reflectance functions: the trait, tabulated data, published models, file formats and the source notation.
 
+mod cell_finder;
 mod error;
 pub mod formats;
 mod grid;

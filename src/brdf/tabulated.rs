@@ -1,6 +1,7 @@
 //! A BRDF as a table: grid, values and a validity mask.
 
 use super::Brdf;
+use super::cell_finder::CellFinder;
 use super::grid::Grid;
 use crate::math::{Rgb, Vec3};
 use rayon::prelude::*;
@@ -26,6 +27,7 @@ pub struct TabulatedBrdf {
     grid: Grid,
     values: Vec<[f32; 3]>,
     valid: Vec<bool>,
+    finder: CellFinder,
 }
 
 impl TabulatedBrdf {
@@ -46,7 +48,7 @@ impl TabulatedBrdf {
         if !valid.contains(&true) {
             return Err(TableError::NoValidCell);
         }
-        Ok(Self { grid, values, valid })
+        Ok(Self { grid, values, valid, finder: CellFinder::new(grid) })
     }
 
     /// `brdf` evaluated at every cell of `grid`, in parallel. Directions below the horizon and missing measurements
@@ -85,7 +87,7 @@ impl TabulatedBrdf {
             |(chunk, (values, valid))| {
                 for k in 0..values.len() {
                     let (wi, wo) = directions.get(chunk * CHUNK + k);
-                    if let Some(cell) = self.grid.cell(wi, wo) {
+                    if let Some(cell) = self.finder.cell(wi, wo) {
                         values[k] = self.values[cell];
                         valid[k] = self.valid[cell];
                     }
@@ -112,7 +114,7 @@ impl TabulatedBrdf {
 
 impl Brdf for TabulatedBrdf {
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
-        match self.grid.cell(wi, wo) {
+        match self.finder.cell(wi, wo) {
             None => Some([0.0; 3]),
             Some(cell) => self.valid[cell].then(|| self.values[cell].map(f64::from)),
         }

@@ -30,7 +30,7 @@ const BIN_EDGES: [f64; BINS + 1] = [0.0, 0.6, 1.5, 3.0, 6.0, 11.0, 18.0, 28.0, 4
 const BAND_EDGES: [f64; BANDS.len() + 1] = [0.0, 25.0, 50.0, 68.0, 84.0];
 const FLOOR: f64 = 1e-3;
 const MIRROR_FLOOR: f64 = 0.002;
-const RETRO_FLOOR: f64 = 1e-4;
+pub(super) const RETRO_FLOOR: f64 = 1e-4;
 
 /// Name of a region, such as `3g`.
 pub fn region_name(region: usize) -> String {
@@ -55,7 +55,7 @@ pub(super) struct Measure {
 }
 
 /// Distance of the midpoints on either side of a node (one-sided at the ends).
-fn spacing(angle: impl Fn(usize) -> f64, index: usize, nodes: usize) -> f64 {
+pub(super) fn spacing(angle: impl Fn(usize) -> f64, index: usize, nodes: usize) -> f64 {
     let (low, high) = (index.saturating_sub(1), (index + 1).min(nodes - 1));
     (angle(high) - angle(low)) / (high - low) as f64
 }

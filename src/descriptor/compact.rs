@@ -94,8 +94,7 @@ pub(super) fn angular(ratios: &[RegionRatios; angular::REGIONS]) -> [f64; 14] {
 /// Compact 48 of `candidate` against `reference`, in the order of the names: lights, slot, angular, context.
 pub fn compare(reference: &BrdfFeatures, candidate: &BrdfFeatures, setup: &Setup) -> [f64; COLUMNS] {
     let (lamps, slot) = pictures(reference, candidate, setup);
-    let ratios =
-        angular::ratios((&reference.stored.table, &reference.angular), (&candidate.stored.table, &candidate.angular));
+    let ratios = angular::ratios(reference.angular_parts(), candidate.angular_parts());
     let mut out = [0.0; COLUMNS];
     out[..18].copy_from_slice(&lamps);
     out[18..24].copy_from_slice(&slot);

@@ -3,14 +3,17 @@
 //! * `cx.0n cx.2n cx.5n cx.7n`: mean ln(Y + .001) over the regions of [`super::angular`];
 //! * `cxalb cxalb60`: ln(luminance albedo + .001) seen from 0 and 60 deg;
 //! * `cxwid.2 .10 .100`: ln(theta_h + .3), theta_h in degrees, where the profile has fallen to 1/2, 1/10, 1/100 of its value
-//!   at theta_h = 0; ln 90 where it never does. The profile is the mean of Y over the nodes with theta_d < 30 deg;
-//! * `cxexc`: ln(energy above the diffuse floor + .001).
+//!   at theta_h = 0; ln 90 where it never does. The profile P(theta_h) is the mean of Y over theta_d < 30 deg with weight
+//!   dtheta_d (sin theta_d cos theta_d + .0001);
+//! * `cxexc`: ln(pi sum dtheta_h sin theta_h cos theta_h (P - F)^+ + .0001), the energy of the highlight above the diffuse
+//!   floor F, the 30th percentile of P over the nodes of theta_h.
 //!
-//! Cost: a pass over the table.
+//! Y is the luminance of the BRDF, 1/sr. Only sampled nodes count. Cost: a pass over the table.
 
-use super::angular::{self, AngularProfile};
-use super::node_table::{NODES, NodeTable, PHI_D, THETA_D, THETA_H, theta_d, theta_h};
+use super::angular::{self, AngularProfile, RETRO_FLOOR, spacing};
+use super::node_table::{NodeTable, PHI_D, THETA_D, THETA_H, theta_d, theta_h};
 use crate::math::color::luminance;
+use std::f64::consts::PI;
 
 /// The ten numbers, in the order of [`NAMES`].
 pub type Context = [f64; 10];
@@ -23,18 +26,29 @@ const REGIONS: [&str; 4] = ["0n", "2n", "5n", "7n"];
 const FALLS: [f64; 3] = [2.0, 10.0, 100.0];
 const PROFILE_LIMIT: f64 = 30.0;
 const FLOOR: f64 = 1e-3;
+const DIFFUSE_PERCENTILE: f64 = 0.3;
+const ENERGY_FLOOR: f64 = 1e-4;
 
-/// Mean of Y over theta_d < 30 deg and phi_d at each theta_h, over sampled nodes; `None` where there is none.
-fn profile(table: &NodeTable) -> Vec<Option<f64>> {
-    (0..THETA_H)
-        .map(|i| {
-            let near = (0..THETA_D).filter(|&j| theta_d(j) < PROFILE_LIMIT);
-            let nodes = near.flat_map(|j| (0..PHI_D).map(move |k| (i * THETA_D + j) * PHI_D + k));
-            let values: Vec<f64> =
-                nodes.filter(|&n| table.sampled()[n]).map(|n| luminance(table.values()[n].map(f64::from))).collect();
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-        })
-        .collect()
+/// The profile as (theta_h in degrees, P), at every theta_h with a sampled node.
+fn profile(table: &NodeTable) -> Vec<(f64, f64)> {
+    let weight = |j: usize| {
+        let (sin_d, cos_d) = theta_d(j).to_radians().sin_cos();
+        spacing(theta_d, j, THETA_D) * (sin_d * cos_d + RETRO_FLOOR)
+    };
+    let mut profile = Vec::new();
+    for i in 0..THETA_H {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for j in (0..THETA_D).filter(|&j| theta_d(j) < PROFILE_LIMIT) {
+            for node in (0..PHI_D).map(|k| (i * THETA_D + j) * PHI_D + k).filter(|&n| table.sampled()[n]) {
+                sum += weight(j) * luminance(table.values()[node].map(f64::from));
+                total += weight(j);
+            }
+        }
+        if total > 0.0 {
+            profile.push((theta_h(i), sum / total));
+        }
+    }
+    profile
 }
 
 /// ln(theta_h + .3) where the profile crosses `1 / fall` of its start, linear in theta_h between nodes.
@@ -54,30 +68,74 @@ pub fn context(table: &NodeTable, logs: &AngularProfile, albedo: [f64; 2]) -> Co
         let region = angular::region(name);
         *value = region.and_then(|r| angular::mean_log_luminance(table, logs, r)).unwrap_or(FLOOR.ln());
     }
-    let profile: Vec<(f64, f64)> =
-        profile(table).into_iter().enumerate().filter_map(|(i, y)| y.map(|y| (theta_h(i), y))).collect();
+    let profile = profile(table);
     (0..2).for_each(|k| out[4 + k] = (albedo[k] + FLOOR).ln());
     (0..3).for_each(|k| out[6 + k] = width(&profile, FALLS[k]));
-    out[9] = excess(table);
+    out[9] = excess(&profile);
     out
 }
 
-/// ln(energy above the diffuse floor + .001).
-fn excess(table: &NodeTable) -> f64 {
-    let measure = angular::Measure::get();
-    let mut y: Vec<f64> = table.values().iter().map(|f| luminance(f.map(f64::from))).collect();
-    let energy = |floor: f64| -> f64 {
-        (0..NODES)
-            .filter(|&n| table.sampled()[n])
-            .map(|n| measure.weight[n] * (y[n] - floor).max(0.0) / PHI_D as f64)
-            .sum()
-    };
-    let floor = {
-        let mut sorted: Vec<f64> = (0..NODES).filter(|&n| table.sampled()[n]).map(|n| y[n]).collect();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
-    let out = (energy(floor) + FLOOR).ln();
-    y.clear();
-    out
+/// ln of the energy of the highlight above the diffuse floor.
+fn excess(profile: &[(f64, f64)]) -> f64 {
+    let mut sorted: Vec<f64> = profile.iter().map(|p| p.1).collect();
+    sorted.sort_by(f64::total_cmp);
+    let rank = (DIFFUSE_PERCENTILE * sorted.len().saturating_sub(1) as f64) as usize;
+    let floor = sorted.get(rank).copied().unwrap_or(0.0);
+    let last = profile.len().saturating_sub(1);
+    let energy: f64 = (0..profile.len())
+        .map(|i| {
+            let (low, high) = (i.saturating_sub(1), (i + 1).min(last));
+            let width = (profile[high].0 - profile[low].0).to_radians() / (high - low).max(1) as f64;
+            let (sin_h, cos_h) = profile[i].0.to_radians().sin_cos();
+            width * sin_h * cos_h * (profile[i].1 - floor).max(0.0)
+        })
+        .sum();
+    (PI * energy + ENERGY_FLOOR).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brdf::Brdf;
+    use crate::math::{Rgb, Vec3};
+
+    /// A diffuse floor of .1 and a lobe 10 exp(-theta_h / 5 deg).
+    struct Lobe;
+
+    impl Brdf for Lobe {
+        fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
+            let h = (wi + wo).normalized();
+            Some([0.1 + 10.0 * (-h.x.hypot(h.y).atan2(h.z).to_degrees() / 5.0).exp(); 3])
+        }
+    }
+
+    #[test]
+    fn widths_and_energy_of_an_exponential_lobe() {
+        let table = NodeTable::sample(&Lobe).unwrap();
+        let context = context(&table, &AngularProfile::new(&table), [0.5, 0.25]);
+        // 10.1 / 2 and 10.1 / 10 are reached where the lobe is 4.95 and .91; 10.1 / 100 just above the floor.
+        for (k, lobe) in [(6, 4.95f64), (7, 0.91), (8, 0.001)] {
+            let theta = -5.0 * (lobe / 10.0).ln();
+            assert!((context[k].exp() - 0.3 - theta).abs() < 0.03 * theta, "{k}: {} {theta}", context[k].exp() - 0.3);
+        }
+        // The integral of exp(-t / a) sin t cos t = 2 a^2 / (1 + 4 a^2) / 2 up to the end of the range.
+        let a = 5f64.to_radians();
+        let energy = PI * 10.0 * a * a / (1.0 + 4.0 * a * a);
+        assert!((context[9].exp() - ENERGY_FLOOR - energy).abs() < 0.03 * energy, "{} {energy}", context[9].exp());
+        assert!((context[4] - 0.501f64.ln()).abs() < 1e-12 && (context[5] - 0.251f64.ln()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_diffuse_material_has_no_highlight() {
+        struct Flat;
+        impl Brdf for Flat {
+            fn eval(&self, _: Vec3, _: Vec3) -> Option<Rgb> {
+                Some([0.2; 3])
+            }
+        }
+        let table = NodeTable::sample(&Flat).unwrap();
+        let context = context(&table, &AngularProfile::new(&table), [0.6; 2]);
+        assert!(context[6..9].iter().all(|w| *w == 90f64.ln()));
+        assert!((context[9] - ENERGY_FLOOR.ln()).abs() < 1e-12);
+    }
 }

@@ -57,6 +57,11 @@ impl BrdfFeatures {
         &self.stored.table
     }
 
+    /// The samples and their logarithms, as [`super::angular::ratios`] takes them.
+    pub fn angular_parts(&self) -> (&NodeTable, &AngularProfile) {
+        (&self.stored.table, &self.angular)
+    }
+
     /// Radiance of the pixels under light `light` (the last is the slot), linear RGB.
     pub fn picture(&self, light: usize) -> &[[f32; 3]] {
         &self.stored.pictures[light]

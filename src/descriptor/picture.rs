@@ -28,11 +28,11 @@ pub const QUANTILE_GROUPS: [(usize, usize); 4] = [(0, 15), (16, 47), (48, 59), (
 #[derive(Debug, Clone)]
 struct Level {
     side: usize,
-    /// Positions of the pixels that exist.
+    /// Share of each pixel that lies on the disc, 0 to 1.
+    coverage: Vec<f64>,
+    /// Positions of the pixels with any share.
     cells: Vec<usize>,
-    /// 1 where a pixel exists, else 0.
-    mask: Vec<f64>,
-    /// Pixels in the window of each entry of `cells`.
+    /// Covered area in the window of each entry of `cells`, pixels.
     window: Vec<f64>,
 }
 
@@ -44,17 +44,22 @@ pub struct Frame {
 }
 
 impl Level {
-    fn new(side: usize, mask: Vec<f64>) -> Self {
-        let cells: Vec<usize> = (0..side * side).filter(|&c| mask[c] > 0.0).collect();
-        let count = window_sums(side, &mask);
-        let window = cells.iter().map(|&c| count[c]).collect();
-        Self { side, cells, mask, window }
+    fn new(side: usize, coverage: Vec<f64>) -> Self {
+        let cells: Vec<usize> = (0..side * side).filter(|&c| coverage[c] > 0.0).collect();
+        let areas = window_sums(side, &coverage);
+        let window = cells.iter().map(|&c| areas[c]).collect();
+        Self { side, coverage, cells, window }
     }
 
-    /// Mean of `image` over the window of each pixel.
-    fn window_means(&self, image: &[f64]) -> Vec<f64> {
-        let sums = window_sums(self.side, image);
-        self.cells.iter().zip(&self.window).map(|(&c, n)| sums[c] / n).collect()
+    /// Mean over the window of each pixel of an image that has been multiplied by the coverage.
+    fn window_means(&self, covered: &[f64]) -> Vec<f64> {
+        let sums = window_sums(self.side, covered);
+        self.cells.iter().zip(&self.window).map(|(&c, area)| sums[c] / area).collect()
+    }
+
+    /// `image` times coverage.
+    fn cover(&self, image: impl Iterator<Item = f64>) -> Vec<f64> {
+        self.coverage.iter().zip(image).map(|(share, v)| share * v).collect()
     }
 }
 
@@ -78,35 +83,35 @@ fn window_sums(side: usize, image: &[f64]) -> Vec<f64> {
     sums
 }
 
-/// Sums of 2 x 2 blocks.
-fn block_sums(side: usize, image: &[f64]) -> Vec<f64> {
+/// Means of 2 x 2 blocks.
+fn block_means(side: usize, image: &[f64]) -> Vec<f64> {
     let half = side / 2;
     (0..half * half)
         .map(|c| {
             let at = 2 * (c / half) * side + 2 * (c % half);
-            image[at] + image[at + 1] + image[at + side] + image[at + side + 1]
+            0.25 * (image[at] + image[at + 1] + image[at + side] + image[at + side + 1])
         })
         .collect()
 }
 
 impl Frame {
     pub fn new(shape: &Shape) -> Self {
-        let mut mask = vec![0.0; SIDE * SIDE];
-        shape.cells().iter().for_each(|&c| mask[c] = 1.0);
-        let mut levels = vec![Level::new(SIDE, mask)];
+        let mut coverage = vec![0.0; SIDE * SIDE];
+        shape.cells().iter().for_each(|&c| coverage[c] = 1.0);
+        let mut levels = vec![Level::new(SIDE, coverage)];
         for scale in 1..SCALES {
             let finer = &levels[scale - 1];
-            let mask = block_sums(finer.side, &finer.mask).iter().map(|&n| f64::from(n > 0.0)).collect();
-            levels.push(Level::new(finer.side / 2, mask));
+            levels.push(Level::new(finer.side / 2, block_means(finer.side, &finer.coverage)));
         }
         Self { weights: shape.weights().to_vec(), levels }
     }
 
-    /// Means of the existing pixels of each 2 x 2 block of a picture on level `scale - 1`.
+    /// Means over the covered part of each 2 x 2 block of a picture on level `scale - 1`.
     fn reduce(&self, scale: usize, image: &[f64]) -> Vec<f64> {
         let finer = &self.levels[scale - 1];
-        let counts = block_sums(finer.side, &finer.mask);
-        block_sums(finer.side, image).iter().zip(counts).map(|(s, n)| if n > 0.0 { s / n } else { 0.0 }).collect()
+        let covered = block_means(finer.side, &finer.cover(image.iter().copied()));
+        let share = |(v, c): (f64, &f64)| if *c > 0.0 { v / c } else { 0.0 };
+        covered.into_iter().zip(&self.levels[scale].coverage).map(share).collect()
     }
 }
 
@@ -157,9 +162,9 @@ impl Picture {
             if scale > 0 {
                 level_image = frame.reduce(scale, &level_image);
             }
-            let mean = level.window_means(&level_image);
-            let squares: Vec<f64> = level_image.iter().map(|l| l * l).collect();
-            let variance = level.window_means(&squares).iter().zip(&mean).map(|(s, m)| (s - m * m).max(0.0)).collect();
+            let mean = level.window_means(&level.cover(level_image.iter().copied()));
+            let squares = level.window_means(&level.cover(level_image.iter().map(|l| l * l)));
+            let variance = squares.iter().zip(&mean).map(|(s, m)| (s - m * m).max(0.0)).collect();
             local.push(Local { mean, variance });
         }
         Self { lightness, chroma, image, mean, variance, quantiles, local }
@@ -259,8 +264,8 @@ impl PictureDifference {
     }
 
     fn structure_and_contrast(frame: &Frame, a: &Picture, b: &Picture) -> (f64, f64) {
-        let products: Vec<f64> = a.image.iter().zip(&b.image).map(|(a, b)| a * b).collect();
-        let products = frame.levels[0].window_means(&products);
+        let level = &frame.levels[0];
+        let products = level.window_means(&level.cover(a.image.iter().zip(&b.image).map(|(a, b)| a * b)));
         let (la, lb) = (&a.local[0], &b.local[0]);
         let (mut structure, mut contrast) = (0.0, 0.0);
         for (i, product) in products.iter().enumerate() {

@@ -8,12 +8,11 @@
 //! Source: Bagher et al. 2016, eq. 3, doi:10.1145/2907941; the layout is that of the published file. The division by pi is
 //! not spelled out there, but only with it the values agree with the measured materials. Negative products, an
 //! artefact of the factorisation, are clamped at zero.
-//! Cost: three arc tangents or cosines and five table look-ups.
+//! Cost: four arc tangents or cosines and five table look-ups.
 
 use super::map;
 use crate::brdf::error::nearest;
 use crate::brdf::{Brdf, BrdfError};
-use crate::math::coordinates::half_difference;
 use crate::math::{Rgb, Vec3};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::path::Path;
@@ -76,10 +75,12 @@ impl Brdf for Npf {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return Some([0.0; 3]);
         }
-        let angles = half_difference(wi, wo);
+        let sum = wi + wo;
+        let theta_h = (sum.x * sum.x + sum.y * sum.y).sqrt().atan2(sum.z);
+        let theta_d = (0.5 * sum.length()).min(1.0).acos();
         let bin = |x: f64| (x as usize).min(BINS - 1);
-        let d = self.distribution[bin((angles.theta_h.max(0.0) / FRAC_PI_2).sqrt() * BINS as f64)];
-        let f = self.fresnel[bin(angles.theta_d.to_degrees())];
+        let d = self.distribution[bin((theta_h / FRAC_PI_2).sqrt() * BINS as f64)];
+        let f = self.fresnel[bin(theta_d.to_degrees())];
         let (gi, go) = (self.masking(wi.z), self.masking(wo.z));
         let cosines = wi.z * wo.z;
         Some(std::array::from_fn(|c| {

@@ -1,8 +1,11 @@
 //! Distances between BRDFs: the trait, the classical metrics, the learned ones, and the registry of all by name.
 
 pub mod learned;
+pub mod lp;
+pub mod registry;
 
 use crate::brdf::Brdf;
+use lp::LpVariant;
 use thiserror::Error;
 
 /// What a user must know of a metric before using it.
@@ -26,6 +29,16 @@ pub enum MetricError {
     Unusable { side: &'static str, reason: String },
     #[error("{metric}: the distance is {value}, which is not a finite number")]
     NotFinite { metric: String, value: f64 },
+    #[error("{metric}: reference and candidate have no valid cell in common")]
+    NoCommonCell { metric: String },
+    #[error("there is no metric `{name}`; {}", nearest_sentence(.nearest))]
+    Unknown { name: String, nearest: Vec<String> },
+    #[error("the name `{name}` is taken by another metric or group")]
+    NameTaken { name: String },
+}
+
+fn nearest_sentence(nearest: &[String]) -> String {
+    if nearest.is_empty() { "no name is similar".to_owned() } else { format!("similar: {}", nearest.join(", ")) }
 }
 
 /// A distance from a reference to a candidate: exactly zero for identical BRDFs, larger is worse, never NaN.
@@ -40,6 +53,12 @@ pub trait Metric: Send + Sync {
 
     fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
         self.prepare(reference)?.distance(candidate)
+    }
+
+    /// The Lp variant that this metric is, if it is one: many of them cost one pass over a pair
+    /// ([`registry::distances`]).
+    fn as_lp(&self) -> Option<LpVariant> {
+        None
     }
 }
 

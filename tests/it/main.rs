@@ -1,4 +1,13 @@
 //! The one integration binary: each room's tests are a module.
 
 mod brdf;
+mod dataset;
+mod descriptor;
+mod evaluation;
+mod lp;
+mod lp_golden;
+mod naive_lp;
+mod report;
 mod rooms;
+#[cfg(feature = "train")]
+mod train;

@@ -1,0 +1,214 @@
+//! The samples of both BRDFs for one pair of polar angles, and where they come from.
+
+use super::{AZIMUTHS, POLAR};
+use crate::brdf::{Brdf, Grid, TabulatedBrdf};
+use crate::math::{Rgb, Vec3};
+use crate::metric::MetricError;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// One channel of a block.
+pub(super) type Plane = [f64; AZIMUTHS];
+
+/// The values of a BRDF at one (theta_i, theta_o) and all azimuth differences, one plane a channel.
+#[derive(Clone)]
+pub(super) struct Block {
+    pub rgb: [Plane; 3],
+    pub valid: [bool; AZIMUTHS],
+}
+
+impl Block {
+    pub fn new() -> Self {
+        Self { rgb: [[0.0; AZIMUTHS]; 3], valid: [false; AZIMUTHS] }
+    }
+
+    /// Fills the planes from interleaved samples.
+    fn set<T: Copy + Into<f64>>(&mut self, values: &[[T; 3]], valid: &[bool]) {
+        let [red, green, blue] = &mut self.rgb;
+        for (k, value) in values.iter().enumerate().take(AZIMUTHS) {
+            (red[k], green[k], blue[k]) = (value[0].into(), value[1].into(), value[2].into());
+        }
+        self.valid.copy_from_slice(valid);
+    }
+
+    /// Blackens the cells that are invalid in either block, in both, and counts the others. Equal values add
+    /// exactly zero to every sum, so that nothing after this needs the masks.
+    pub fn mask(&mut self, other: &mut Self) -> u64 {
+        let both = |(a, b): (&bool, &bool)| u64::from(*a & *b);
+        let count = self.valid.iter().zip(&other.valid).map(both).sum();
+        if count < AZIMUTHS as u64 {
+            for k in (0..AZIMUTHS).filter(|&k| !(self.valid[k] && other.valid[k])) {
+                for plane in self.rgb.iter_mut().chain(&mut other.rgb) {
+                    plane[k] = 0.0;
+                }
+            }
+        }
+        count
+    }
+}
+
+/// Directions of the cells of [`Grid::TITOPO`] from one table of sines and cosines.
+struct Directions {
+    polar: [(f64, f64); POLAR],
+    azimuth: Vec<(f64, f64)>,
+}
+
+impl Directions {
+    pub fn new() -> Self {
+        let degree = PI / 180.0;
+        let polar = std::array::from_fn(|i| (i as f64 * degree).sin_cos());
+        Self { polar, azimuth: (0..AZIMUTHS).map(|k| (k as f64 * degree).sin_cos()).collect() }
+    }
+
+    fn incident(&self, i: usize) -> Vec3 {
+        Vec3::new(self.polar[i].0, 0.0, self.polar[i].1)
+    }
+
+    fn outgoing(&self, o: usize) -> impl Iterator<Item = Vec3> {
+        let (sin, cos) = self.polar[o];
+        self.azimuth.iter().map(move |&(sin_phi, cos_phi)| Vec3::new(sin * cos_phi, sin * sin_phi, cos))
+    }
+}
+
+/// A BRDF at the cells of [`Grid::TITOPO`].
+pub(super) trait Cells: Send + Sync {
+    /// The block at theta_i = `i` degrees, theta_o = `o` degrees.
+    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError>;
+}
+
+fn range(i: usize, o: usize) -> std::ops::Range<usize> {
+    let start = (i * POLAR + o) * AZIMUTHS;
+    start..start + AZIMUTHS
+}
+
+impl<C: Cells> Cells for &C {
+    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
+        (**self).read(i, o, block)
+    }
+}
+
+impl Cells for TabulatedBrdf {
+    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
+        block.set(&self.values()[range(i, o)], &self.valid()[range(i, o)]);
+        Ok(())
+    }
+}
+
+/// Any other BRDF, evaluated where it is needed and in f64: a table of f32 would cost a relative error of 6e-8 a
+/// value, which differences of nearly equal BRDFs magnify.
+struct Evaluated<'a> {
+    brdf: &'a dyn Brdf,
+    side: &'static str,
+    directions: Directions,
+}
+
+impl Evaluated<'_> {
+    /// The values at one block; `None` where the BRDF has no measurement.
+    fn evaluate(&self, i: usize, o: usize) -> Result<Vec<Option<Rgb>>, MetricError> {
+        let wi = vec![self.directions.incident(i); AZIMUTHS];
+        let wo: Vec<_> = self.directions.outgoing(o).collect();
+        let mut values = vec![None; AZIMUTHS];
+        self.brdf.eval_batch(&wi, &wo, &mut values);
+        let bad = |value: &Option<Rgb>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
+        match values.iter().position(bad) {
+            None => Ok(values),
+            Some(k) => Err(MetricError::Unusable {
+                side: self.side,
+                reason: format!(
+                    "at theta_i {i}, theta_o {o}, phi_d {k} degrees the value is {:?}; it must be finite and not negative",
+                    values[k].unwrap_or_default()
+                ),
+            }),
+        }
+    }
+}
+
+impl Cells for Evaluated<'_> {
+    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
+        for (k, value) in self.evaluate(i, o)?.into_iter().enumerate() {
+            block.valid[k] = value.is_some();
+            let value = value.unwrap_or_default();
+            (0..3).for_each(|channel| block.rgb[channel][k] = value[channel]);
+        }
+        Ok(())
+    }
+}
+
+/// A BRDF that has been evaluated once, to be compared many times.
+struct Samples {
+    values: Vec<Rgb>,
+    valid: Vec<bool>,
+}
+
+impl Samples {
+    fn of(brdf: &Evaluated) -> Result<Self, MetricError> {
+        let row = |i| (0..POLAR).map(|o| brdf.evaluate(i, o)).collect::<Result<Vec<_>, _>>();
+        let rows = (0..POLAR).into_par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
+        let cells = || rows.iter().flatten().flatten();
+        Ok(Self {
+            values: cells().map(|value| value.unwrap_or_default()).collect(),
+            valid: cells().map(Option::is_some).collect(),
+        })
+    }
+}
+
+impl Cells for Samples {
+    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
+        block.set(&self.values[range(i, o)], &self.valid[range(i, o)]);
+        Ok(())
+    }
+}
+
+/// The table behind `brdf` if its cells are those of the metrics.
+fn study_table(brdf: &dyn Brdf) -> Option<&TabulatedBrdf> {
+    brdf.as_table().filter(|table| table.grid() == Grid::TITOPO)
+}
+
+/// The cells of a BRDF that is read once. Tables on other grids are looked up cell by cell.
+pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: &'static str) -> Box<dyn Cells + 'a> {
+    match study_table(brdf) {
+        Some(table) => Box::new(table),
+        None => Box::new(Evaluated { brdf, side, directions: Directions::new() }),
+    }
+}
+
+/// The cells of a BRDF that is read many times and outlives its source.
+pub(super) fn owned_cells(brdf: &dyn Brdf, side: &'static str) -> Result<Box<dyn Cells>, MetricError> {
+    match study_table(brdf) {
+        Some(table) => Ok(Box::new(table.clone())),
+        None => Ok(Box::new(Samples::of(&Evaluated { brdf, side, directions: Directions::new() })?)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_those_of_the_grid() {
+        let directions = Directions::new();
+        for (i, o) in [(0, 0), (13, 71), (89, 89)] {
+            for (k, wo) in directions.outgoing(o).enumerate() {
+                let (grid_wi, grid_wo) = Grid::TITOPO.directions((i * POLAR + o) * AZIMUTHS + k);
+                assert!((directions.incident(i) - grid_wi).length() < 1e-15);
+                assert!((wo - grid_wo).length() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cell_masked_on_one_side_is_blackened_on_both() {
+        let filled = |hole: usize| {
+            let mut block = Block::new();
+            let valid: Vec<_> = (0..AZIMUTHS).map(|k| k != hole).collect();
+            block.set(&[[1.0f32, 2.0, 3.0]; AZIMUTHS], &valid);
+            block
+        };
+        let (mut a, mut b) = (filled(7), filled(100));
+        assert_eq!(a.mask(&mut b), AZIMUTHS as u64 - 2);
+        for hole in [7, 100] {
+            assert_eq!((a.rgb[2][hole], b.rgb[0][hole]), (0.0, 0.0));
+        }
+        assert_eq!(a.rgb[1][8], 2.0);
+    }
+}

@@ -1,0 +1,86 @@
+//! Each Lp variant as a metric of its own.
+
+use super::block::{Cells, cells, owned_cells};
+use super::kernel::Work;
+use super::pass::Sums;
+use super::variant::{Formula, LpVariant};
+use crate::brdf::Brdf;
+use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
+
+/// One Lp variant. It computes only what its formula needs; [`super::LpDistances`] gives all at once.
+#[derive(Debug, Clone)]
+pub struct LpMetric {
+    variant: LpVariant,
+    name: String,
+}
+
+impl LpMetric {
+    pub fn new(variant: LpVariant) -> Self {
+        Self { variant, name: variant.to_string() }
+    }
+
+    pub fn variant(&self) -> LpVariant {
+        self.variant
+    }
+
+    fn between(&self, reference: &dyn Cells, candidate: &dyn Cells) -> Result<f64, MetricError> {
+        let sums = Sums::over(reference, candidate, &Work::for_variants([self.variant]))?;
+        checked_distance(&sums, self.variant)
+    }
+}
+
+/// The distance, or why there is none.
+pub(super) fn checked_distance(sums: &Sums, variant: LpVariant) -> Result<f64, MetricError> {
+    if sums.cells(variant) == 0 {
+        return Err(MetricError::NoCommonCell { metric: variant.to_string() });
+    }
+    match sums.distance(variant) {
+        value if value.is_finite() => Ok(value),
+        value => Err(MetricError::NotFinite { metric: variant.to_string(), value }),
+    }
+}
+
+impl Metric for LpMetric {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn properties(&self) -> Properties {
+        let LpVariant { formula, clamped, cube_root } = self.variant;
+        let clamped = if clamped { ", polar angles below 80 degrees" } else { "" };
+        let cube_root = if cube_root { ", of cube roots" } else { "" };
+        Properties {
+            unit: self.variant.unit(),
+            symmetric: true,
+            usable_as_loss: true,
+            summary: format!("{}{cube_root}{clamped}", formula.summary()),
+            source: match formula {
+                Formula::Lab => "CIE 15:2018, section 8.2.1, weighted as D6",
+                _ => "Lavoue et al. 2021, section 6.1, as computed by the authors' program",
+            },
+        }
+    }
+
+    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
+        Ok(Box::new(Prepared { metric: self, reference: owned_cells(reference, "reference")? }))
+    }
+
+    fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
+        self.between(&*cells(reference, "reference"), &*cells(candidate, "candidate"))
+    }
+
+    fn as_lp(&self) -> Option<LpVariant> {
+        Some(self.variant)
+    }
+}
+
+struct Prepared<'a> {
+    metric: &'a LpMetric,
+    reference: Box<dyn Cells>,
+}
+
+impl PreparedMetric for Prepared<'_> {
+    fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
+        self.metric.between(&*self.reference, &*cells(candidate, "candidate"))
+    }
+}

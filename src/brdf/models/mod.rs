@@ -9,6 +9,7 @@ mod blinn_phong;
 mod ggx;
 mod lafortune;
 mod lambert;
+mod named;
 mod sgd;
 mod ward;
 
@@ -17,6 +18,7 @@ pub use blinn_phong::BlinnPhong;
 pub use ggx::Ggx;
 pub use lafortune::Lafortune;
 pub use lambert::Lambert;
+pub use named::{FieldError, NamedParameters};
 pub use sgd::Sgd;
 pub use ward::{Ward, WardForm};
 

@@ -10,7 +10,7 @@
 //! are dimensionless. Reciprocal.
 //! Source: Bagher et al. 2012, eqs. 6 to 14, doi:10.1111/j.1467-8659.2012.03147.x.
 //! Difference: a published Fresnel fit may dip below zero; the value is clamped at zero, since no reflectance is
-//! negative. Cost: at most nine exponentials or logarithms a channel, most of them skipped where they round to nothing.
+//! negative. Cost: at most six exponentials, powers or logarithms a channel, skipped where they round to nothing.
 
 use super::{AnalyticBrdf, HalfVector, ModelError, Parameter, checked, colour};
 use crate::math::{Rgb, Vec3};
@@ -50,12 +50,12 @@ impl Sgd {
         if beyond <= 0.0 {
             return 1.0;
         }
-        let log_argument = self.c[channel].ln() + self.k[channel] * beyond.ln();
-        // lambda is at most 1e9: below this the loss is under 1e-16.
-        if log_argument < -60.0 {
+        let loss = self.c[channel] * beyond.powf(self.k[channel]);
+        // lambda is at most 1e9: below this the masking rounds to 1.
+        if loss < 1e-26 {
             return 1.0;
         }
-        (1.0 - self.lambda[channel] * log_argument.exp().exp_m1()).clamp(0.0, 1.0)
+        (1.0 - self.lambda[channel] * (loss.exp() - 1.0)).clamp(0.0, 1.0)
     }
 }
 
@@ -70,7 +70,7 @@ pub(super) fn schema() -> Vec<Parameter> {
         colour!("p", "1", 0.0, 100.0),
         colour!("kappa", "1", 0.0, 1e7),
         colour!("lambda", "1", 1e-12, 1e9),
-        colour!("c", "1", 0.0, 1e120),
+        colour!("c", "1", 1e-120, 1e120),
         colour!("k", "1", 1e-3, 1e4),
         colour!("theta0", "rad", -PI, PI),
     ]

@@ -88,7 +88,7 @@ fn values_along_the_normal() {
     near(Abc { kd: grey(0.0), a: grey(8.0), b: 5.0, c: 1.0, eta: 3.0 }.value(n, n)[0], 2.0 * FRAC_1_PI);
     let mut sgd = [grey(0.0); 11];
     (sgd[1], sgd[2], sgd[4], sgd[6]) = (grey(1.0), grey(0.5), grey(1.0), grey(2.0));
-    (sgd[7], sgd[9]) = (grey(1.0), grey(1.0));
+    (sgd[7], sgd[8], sgd[9]) = (grey(1.0), grey(1.0), grey(1.0));
     near(Sgd::from_rows(sgd).expect("valid").value(n, n)[0], (-1.0f64).exp() * FRAC_1_PI * FRAC_1_PI);
 }
 

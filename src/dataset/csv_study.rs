@@ -35,7 +35,7 @@ fn parse(path: &Path, bytes: &[u8], base: &Path) -> Result<Vec<RatedPair>, Datas
     let mut groups: BTreeMap<String, (String, u64)> = BTreeMap::new();
     for record in reader.records() {
         let record = record.map_err(|e| csv_error(path, &e))?;
-        let line = record.position().map_or(0, |p| p.line());
+        let line = line_of(bytes, &record);
         if record.len() != header.len() {
             let (found, allowed) = (record.len().to_string(), format!("{} as in the header", header.len()));
             return Err(field(path, line, "the number of fields", found, allowed));
@@ -86,8 +86,7 @@ fn parse_row<'a>(
         _ => Err(field(path, line, name, format!("`{text}`"), allowed.into())),
     };
     let mos = number("mos", cell("mos"), &|x| (1.0..=5.0).contains(&x), "1 (very poor) to 5 (excellent)")?;
-    let weight =
-        number("weight", &or("weight", "1"), &|x| x > 0.0 && x.is_finite(), "a finite number greater than 0")?;
+    let weight = number("weight", &or("weight", "1"), &|x| x > 0.0 && x.is_finite(), "a finite number greater than 0")?;
     let material = or("material", cell("reference"));
     let method = or("method", "unnamed");
     Ok(RatedPair {
@@ -110,6 +109,14 @@ fn resolve(base: &Path, source: &str) -> String {
 
 fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
     DatasetError::Field { path: path.into(), line, field: field.into(), found, allowed }
+}
+
+/// The line on which a record of `bytes` begins: the reader counts from where it was left, before any blank lines.
+pub fn line_of(bytes: &[u8], record: &csv::StringRecord) -> u64 {
+    let Some(position) = record.position() else { return 0 };
+    let rest = bytes.get(position.byte() as usize..).unwrap_or_default();
+    let blank = rest.iter().take_while(|b| matches!(b, b'\r' | b'\n'));
+    position.line() + blank.filter(|b| **b == b'\n').count() as u64
 }
 
 /// What the reader of CSV says, with the line.

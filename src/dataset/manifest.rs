@@ -309,9 +309,7 @@ impl RebuiltManifest {
 pub fn matches_pattern(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
-        Some((head, tail)) => {
-            name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail)
-        }
+        Some((head, tail)) => name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail),
     }
 }
 
@@ -372,7 +370,8 @@ mod tests {
         ] {
             assert_eq!(m.group(a), m.group(b));
         }
-        for alone in ["black-phenolic", "gold-paint", "pink-felt", "steel", "red-metallic-paint", "dark-specular-fabric"]
+        for alone in
+            ["black-phenolic", "gold-paint", "pink-felt", "steel", "red-metallic-paint", "dark-specular-fabric"]
         {
             assert_eq!(m.group(alone), alone);
         }

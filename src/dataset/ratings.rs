@@ -28,7 +28,7 @@ fn read_lines(path: &Path, bytes: &[u8], header: &[&str]) -> Result<Vec<Line>, D
     let mut lines = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|e| super::csv_study::csv_error(path, &e))?;
-        let number = record.position().map_or(0, |p| p.line());
+        let number = super::csv_study::line_of(bytes, &record);
         lines.push(Line { number, fields: record.iter().map(|f| f.trim().to_owned()).collect() });
     }
     let found = lines.first().map(|l| l.fields.join(";")).unwrap_or_default();

@@ -3,3 +3,4 @@ pub mod brdf;
 pub mod dataset;
 pub mod math;
 pub mod metric;
+pub mod train;

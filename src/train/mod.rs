@@ -11,7 +11,8 @@ pub mod ensemble;
 pub mod kernel;
 //SKIP linear
 pub mod lp_baseline;
-//SKIP neural
+#[cfg(feature = "train")]
+pub mod neural;
 mod standardize;
 //SKIP svr
 pub mod trivial;

@@ -1,7 +1,9 @@
 //! Learned metrics: the regressor that an exported file holds, evaluated without any training library.
 
+pub mod exported;
 mod regressor;
 
+pub use exported::{ExportedError, ExportedMetric, Score};
 pub use regressor::{
     Activation, Dense, Feature, Function, Input, Kernel, Regressor, RegressorError, Standardizer, Term, forward,
     sign_root,

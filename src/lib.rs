@@ -4,3 +4,4 @@ pub mod dataset;
 pub mod descriptor;
 pub mod math;
 pub mod metric;
+pub mod train;

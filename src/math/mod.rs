@@ -5,6 +5,7 @@
 pub mod color;
 pub mod coordinates;
 pub mod correlation;
+pub mod logistic;
 pub mod seed;
 mod vec3;
 

@@ -122,7 +122,7 @@ pub fn pearson_counted(x: &[f64], y: &[f64], counts: &[u32]) -> Result<f64, Corr
         sxy += c * dx * dy;
     }
     // Rounding can put a perfect correlation an ulp beyond 1.
-    Ok((sxy / (sxx.sqrt() * syy.sqrt())).clamp(-1.0, 1.0))
+    Ok((sxy / (sxx * syy).sqrt()).clamp(-1.0, 1.0))
 }
 
 /// [`spearman`] of the lists in which row i stands `counts[i]` times. All three have the same length.
@@ -155,7 +155,7 @@ pub fn kendall_counted(x: &Ranking, y: &Ranking, counts: &[u32]) -> Result<f64, 
             seen.add(y.level[row], u64::from(counts[row]));
         }
     }
-    Ok((surplus as f64 / (((n0 - n1) as f64).sqrt() * ((n0 - n2) as f64).sqrt())).clamp(-1.0, 1.0))
+    Ok((surplus as f64 / ((n0 - n1) as f64 * (n0 - n2) as f64).sqrt()).clamp(-1.0, 1.0))
 }
 
 /// [`rmse`] of the lists in which row i stands `counts[i]` times. All three have the same length.

@@ -2,4 +2,7 @@
 
 mod regressor;
 
-pub use regressor::{Activation, Dense, Feature, Regressor, RegressorError, Standardizer};
+pub use regressor::{
+    Activation, Dense, Feature, Function, Input, Kernel, Regressor, RegressorError, Standardizer, Term, forward,
+    sign_root,
+};

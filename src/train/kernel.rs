@@ -1,0 +1,240 @@
+//! Kernel ridge regression that is exact for identical BRDFs, in full and with few landmarks.
+//!
+//! With a = (f, c) a row's standardised differences and context, and a0 = (0, c),
+//!
+//!   k(a, b)  = exp(-|a - b| / (l sqrt d)) + s a.b / d                    (d features, s = 0.2)
+//!   k'(a, b) = k(a, b) - k(a0, b) - k(a, b0) + k(a0, b0)
+//!   mos(a)   = identity + sum_m w_m k'(a, a_m).
+//!
+//! k' is the kernel of the functions that vanish at f = 0 for every c, so the identity holds by construction. The
+//! weights minimise sum_i v_i (mos_i - mos(a_i))^2 + ridge |mos - identity|_k'^2, v_i the rows' training weights.
+//!
+//! Solved through the pivoted Cholesky factor K' ~ F F^T: all rows as pivots give kernel ridge regression itself; few
+//! give its Nystroem approximation (Williams & Seeger 2001; landmarks by greedy pivoting as Fine & Scheinberg 2001), in
+//! which far fewer weights than ratings are stored, so that no single rating can be solved for. l and ridge minimise
+//! the weighted squared error over inner folds by material; the landmarks depend on descriptors alone.
+//!
+//! Source: Saunders, Gammerman & Vovk (1998), "Ridge regression learning algorithm in dual variables", ICML; centring
+//! at a point as in Schoelkopf (2001), "The kernel trick for distances", eq. 14. Cost: about 20 n r^2 for n rows and
+//! r pivots.
+
+use super::cholesky::{LowRank, dot, solve};
+use super::standardize::Standardized;
+use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
+use crate::dataset::split::{Fold, TrainingSet};
+use crate::metric::learned::{Function, Kernel, Regressor, Term};
+use ndarray::{Array2, ArrayView2, Axis};
+
+/// Of the largest diagonal element of K': rows explained better than this add nothing.
+const TOLERANCE: f64 = 1e-7;
+const NEEDED_ROWS: usize = 8;
+
+/// Options of kernel ridge regression.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KernelRidge {
+    /// Weight s of the linear part of the kernel.
+    pub linear: f64,
+    /// Candidates for l; inner folds choose.
+    pub lengths: Vec<f64>,
+    /// Candidates for the ridge; inner folds choose.
+    pub ridges: Vec<f64>,
+    /// Number of landmarks, or all rows.
+    pub landmarks: Option<usize>,
+}
+
+impl KernelRidge {
+    /// Every training row is a landmark: the best agreement, and not for export, since as many weights as ratings are
+    /// stored.
+    pub fn full() -> Self {
+        Self { linear: 0.2, lengths: vec![1.0, 3.0], ridges: vec![0.03, 0.1, 0.3], landmarks: None }
+    }
+
+    /// Few landmarks: what an exported metric holds.
+    pub fn nystroem(landmarks: usize) -> Self {
+        Self { landmarks: Some(landmarks), ..Self::full() }
+    }
+}
+
+impl Trainer for KernelRidge {
+    fn name(&self) -> &str {
+        if self.landmarks.is_some() { "nystroem-ridge" } else { "kernel-ridge" }
+    }
+
+    fn train(&self, set: &TrainingSet, seed: u64) -> Result<Box<dyn Predictor>, TrainError> {
+        let trainer = || self.name().to_owned();
+        check_set(self.name(), set, NEEDED_ROWS)?;
+        self.check()?;
+        let data = Standardized::fit(self.name(), set)?;
+        let folds =
+            set.inner_folds(INNER_FOLDS, seed).map_err(|source| TrainError::Split { trainer: trainer(), source })?;
+        let distances = Distances::new(&data.z, &data.z0);
+        let target: Vec<f64> = set.mos().iter().map(|m| m - IDENTITY_MOS).collect();
+        let weights = set.weights();
+
+        let mut best: Option<(f64, Kernel, f64, Problem)> = None;
+        for &length in &self.lengths {
+            let kernel = Kernel { length, linear: self.linear };
+            let rank = self.landmarks.unwrap_or(target.len());
+            let low_rank = LowRank::new(target.len(), rank, TOLERANCE, distances.centred(&kernel).view());
+            let problem = Problem::new(low_rank, &target, &weights);
+            let errors = problem.fold_errors(&folds, &self.ridges).ok_or_else(|| self.singular(&problem))?;
+            for (&ridge, error) in self.ridges.iter().zip(errors) {
+                if best.as_ref().is_none_or(|b| error < b.0) {
+                    best = Some((error, kernel, ridge, problem.clone()));
+                }
+            }
+        }
+        let Some((_, kernel, ridge, problem)) = best else {
+            return Err(TrainError::Solver {
+                trainer: trainer(),
+                reason: "no finite error over the inner folds".into(),
+            });
+        };
+        let coefficients = problem.solve(ridge, None).ok_or_else(|| self.singular(&problem))?;
+        let regressor = Regressor {
+            identity_mos: IDENTITY_MOS,
+            terms: vec![Term {
+                weight: 1.0,
+                function: Function::Kernel {
+                    kernel,
+                    weights: problem.low_rank.pivot_weights(&coefficients),
+                    landmarks: problem.low_rank.pivots.iter().flat_map(|&p| data.z.row(p).to_vec()).collect(),
+                },
+                standardizer: data.standardizer,
+            }],
+            inputs: data.inputs,
+        };
+        regressor.check().map_err(|source| TrainError::Regressor { trainer: trainer(), source })?;
+        Ok(Box::new(regressor))
+    }
+}
+
+impl KernelRidge {
+    fn check(&self) -> Result<(), TrainError> {
+        let option =
+            |what, value, allowed| Err(TrainError::Option { trainer: self.name().into(), what, value, allowed });
+        for (what, values) in [("a kernel length", &self.lengths), ("a ridge", &self.ridges)] {
+            if let Some(&value) = values.iter().find(|v| !(**v > 0.0 && v.is_finite())) {
+                return option(what, value, "greater than 0");
+            }
+            if values.is_empty() {
+                return option(what, f64::NAN, "at least one candidate");
+            }
+        }
+        match self.landmarks {
+            Some(0) => option("the number of landmarks", 0.0, "at least 1"),
+            _ => Ok(()),
+        }
+    }
+
+    fn singular(&self, problem: &Problem) -> TrainError {
+        let size = problem.low_rank.pivots.len();
+        TrainError::Singular { trainer: self.name().into(), what: "kernel ridge regression", size }
+    }
+}
+
+/// Everything of the kernel matrix that does not depend on l.
+struct Distances {
+    features: f64,
+    /// |a - b|, |a - b0| and |a0 - b0| of all pairs of rows.
+    rows: Array2<f64>,
+    rows_to_identity: Array2<f64>,
+    identity: Array2<f64>,
+    /// (a - a0).(b - b0).
+    products: Array2<f64>,
+}
+
+impl Distances {
+    fn new(z: &Array2<f64>, z0: &Array2<f64>) -> Self {
+        let differences = z - z0;
+        Self {
+            features: z.ncols() as f64,
+            rows: distances(z.view(), z.view()),
+            rows_to_identity: distances(z.view(), z0.view()),
+            identity: distances(z0.view(), z0.view()),
+            products: differences.dot(&differences.t()),
+        }
+    }
+
+    /// K' of all pairs of rows.
+    fn centred(&self, kernel: &Kernel) -> Array2<f64> {
+        let radial = |distance: f64| kernel.radial(distance, self.features);
+        let near = self.rows_to_identity.mapv(radial);
+        let mut centred = self.rows.mapv(radial) + self.identity.mapv(radial);
+        centred -= &near;
+        centred -= &near.t();
+        centred.scaled_add(kernel.linear / self.features, &self.products);
+        centred
+    }
+}
+
+/// Euclidean distances of all pairs of rows, summed directly: the usual |a|^2 - 2 a.b + |b|^2 cancels for near rows.
+fn distances(a: ArrayView2<'_, f64>, b: ArrayView2<'_, f64>) -> Array2<f64> {
+    let mut out = Array2::zeros((a.nrows(), b.nrows()));
+    for (a, mut out) in a.outer_iter().zip(out.outer_iter_mut()) {
+        for (b, out) in b.outer_iter().zip(out.iter_mut()) {
+            let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            *out = dot(&difference, &difference).sqrt();
+        }
+    }
+    out
+}
+
+/// Weighted ridge regression on the columns of a low-rank factor.
+#[derive(Clone)]
+struct Problem {
+    low_rank: LowRank,
+    target: Vec<f64>,
+    weights: Vec<f64>,
+    /// F^T V F and F^T V y over all rows.
+    normal: Array2<f64>,
+    right: Vec<f64>,
+}
+
+impl Problem {
+    fn new(low_rank: LowRank, target: &[f64], weights: &[f64]) -> Self {
+        let all: Vec<usize> = (0..target.len()).collect();
+        let (normal, right) = normal_equations(&low_rank.factor, target, weights, &all);
+        Self { low_rank, target: target.to_vec(), weights: weights.to_vec(), normal, right }
+    }
+
+    /// Coefficients of the factor's columns, without the rows `left_out`.
+    fn solve(&self, ridge: f64, left_out: Option<&(Array2<f64>, Vec<f64>)>) -> Option<Vec<f64>> {
+        match left_out {
+            None => solve(self.normal.view(), ridge, &self.right),
+            Some((normal, right)) => {
+                let rest: Vec<f64> = self.right.iter().zip(right).map(|(a, b)| a - b).collect();
+                solve((&self.normal - normal).view(), ridge, &rest)
+            }
+        }
+    }
+
+    /// Weighted squared error over the held-out rows of all folds, one a ridge.
+    fn fold_errors(&self, folds: &[Fold], ridges: &[f64]) -> Option<Vec<f64>> {
+        let mut errors = vec![0.0; ridges.len()];
+        for fold in folds {
+            let held = fold.held_out.indices();
+            let left_out = normal_equations(&self.low_rank.factor, &self.target, &self.weights, held);
+            for (&ridge, error) in ridges.iter().zip(&mut errors) {
+                let coefficients = self.solve(ridge, Some(&left_out))?;
+                for &i in held {
+                    let predicted: f64 =
+                        self.low_rank.factor.row(i).iter().zip(&coefficients).map(|(f, c)| f * c).sum();
+                    *error += self.weights[i] * (self.target[i] - predicted).powi(2);
+                }
+            }
+        }
+        Some(errors)
+    }
+}
+
+/// F^T V F and F^T V y over some rows.
+fn normal_equations(factor: &Array2<f64>, y: &[f64], v: &[f64], rows: &[usize]) -> (Array2<f64>, Vec<f64>) {
+    let mut scaled = factor.select(Axis(0), rows);
+    let mut right = vec![0.0; factor.ncols()];
+    for (&i, mut row) in rows.iter().zip(scaled.outer_iter_mut()) {
+        row.iter().zip(&mut right).for_each(|(f, r)| *r += v[i] * y[i] * f);
+        row *= v[i].sqrt();
+    }
+    (scaled.t().dot(&scaled), right)
+}

@@ -1,0 +1,101 @@
+//! Ratings become a metric.
+//!
+//! A [`Trainer`] learns from a [`TrainingSet`] alone: standardisation, hyper-parameters, stopping and the map to the
+//! scale of the ratings are all fitted on its rows, choices on its own inner folds. What it returns predicts mean
+//! opinion scores from raw descriptors. The kernel and network trainers also give a portable
+//! [`Regressor`](crate::metric::learned::Regressor), the part of an exported metric that was learned.
+
+mod cholesky;
+//SKIP embedding
+pub mod ensemble;
+pub mod kernel;
+//SKIP linear
+pub mod lp_baseline;
+//SKIP neural
+mod standardize;
+//SKIP svr
+pub mod trivial;
+
+use crate::dataset::split::{SplitError, TrainingSet};
+use crate::math::logistic::LogisticError;
+use crate::metric::learned::{Regressor, RegressorError};
+use ndarray::ArrayView2;
+use thiserror::Error;
+
+/// The score that a model gives to identical BRDFs. People seldom give the full 5 to a perfect copy; the hidden
+/// references of rating studies settle near this.
+pub const IDENTITY_MOS: f64 = 4.5;
+
+/// Inner folds for every choice that a trainer makes.
+pub const INNER_FOLDS: usize = 5;
+
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum TrainError {
+    #[error("{trainer}: training needs at least {needed} rows, found {found}")]
+    TooFewRows { trainer: String, found: usize, needed: usize },
+    #[error("{trainer}: all {rows} ratings are equal ({value}); there is nothing to learn")]
+    EqualRatings { trainer: String, rows: usize, value: f64 },
+    #[error("{trainer}: no descriptor compares candidate and reference, or none varies over the training rows")]
+    NoDifference { trainer: String },
+    #[error("{trainer}: column {column} does not exist; the training set has {available} columns")]
+    UnknownColumn { trainer: String, column: String, available: usize },
+    #[error("{trainer}: {what} is {value}; allowed: {allowed}")]
+    Option { trainer: String, what: &'static str, value: f64, allowed: &'static str },
+    #[error("{trainer}: the {size}x{size} system of {what} is singular")]
+    Singular { trainer: String, what: &'static str, size: usize },
+    #[error("{trainer}: training diverged: {what} is not finite after {epochs} epochs")]
+    Diverged { trainer: String, what: &'static str, epochs: usize },
+    #[error("{trainer}: {reason}")]
+    Solver { trainer: String, reason: String },
+    #[error("{trainer}: the model has no portable form")]
+    NotPortable { trainer: String },
+    #[error("{trainer}, column {column}: {source}")]
+    Logistic { trainer: String, column: String, source: LogisticError },
+    #[error("{trainer}: {source}")]
+    Split { trainer: String, source: SplitError },
+    #[error("{trainer}: {source}")]
+    Regressor { trainer: String, source: RegressorError },
+}
+
+/// Learns a map from descriptors to mean opinion scores.
+pub trait Trainer: Send + Sync {
+    /// Such as `kernel-ridge`; names the model in records and errors.
+    fn name(&self) -> &str;
+
+    /// Learns from the rows of `set` alone. The same set and seed give the same model.
+    fn train(&self, set: &TrainingSet, seed: u64) -> Result<Box<dyn Predictor>, TrainError>;
+}
+
+/// What a trainer returns.
+pub trait Predictor: Send + Sync {
+    /// Mean opinion scores, one a row of rows x columns, the columns being those of the training set. Not limited to
+    /// 1..=5.
+    fn predict(&self, features: ArrayView2<'_, f64>) -> Vec<f64>;
+
+    /// The portable form, where the model has one: exact at identity and free of training crates.
+    fn regressor(&self) -> Option<&Regressor> {
+        None
+    }
+}
+
+impl Predictor for Regressor {
+    fn predict(&self, features: ArrayView2<'_, f64>) -> Vec<f64> {
+        self.predict_rows(features)
+    }
+
+    fn regressor(&self) -> Option<&Regressor> {
+        Some(self)
+    }
+}
+
+/// Refuses what no trainer can learn from.
+fn check_set(trainer: &str, set: &TrainingSet, needed: usize) -> Result<(), TrainError> {
+    let mos = set.mos();
+    if mos.len() < needed {
+        return Err(TrainError::TooFewRows { trainer: trainer.to_owned(), found: mos.len(), needed });
+    }
+    if mos.iter().all(|m| *m == mos[0]) {
+        return Err(TrainError::EqualRatings { trainer: trainer.to_owned(), rows: mos.len(), value: mos[0] });
+    }
+    Ok(())
+}

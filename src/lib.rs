@@ -4,4 +4,5 @@ pub mod dataset;
 pub mod evaluation;
 pub mod math;
 pub mod metric;
+pub mod report;
 pub mod train;

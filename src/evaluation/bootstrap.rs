@@ -237,7 +237,7 @@ mod tests {
                 judged.intervals.srocc.contains(truth)
             })
             .count();
-        // Binomial(60, .93): 49 to 60 with probability > .998. Resampling rows would cover about .75 (45).
+        // Binomial(60, .93): 49 to 60 with probability > .998. Resampling rows instead of materials covers 46.
         assert!((49..=60).contains(&covered), "{covered} of 60");
     }
 

@@ -148,7 +148,7 @@ pub fn kendall_counted(x: &Ranking, y: &Ranking, counts: &[u32]) -> Result<f64, 
         // Rows tied in x are compared with the smaller ones only, then join them.
         for &row in group.iter().filter(|&&row| counts[row] > 0) {
             let smaller = seen.below(y.level[row]);
-            let larger = seen.total - seen.below(y.level[row] + 1);
+            let larger = seen.total - smaller - seen.at[y.level[row]];
             surplus += i64::from(counts[row]) * (smaller as i64 - larger as i64);
         }
         for &row in group.iter().filter(|&&row| counts[row] > 0) {
@@ -197,17 +197,19 @@ fn centre_and_scale(values: &[f64], counts: &[u32], n: u64) -> Option<(f64, f64)
 
 /// Counts at levels 0.., their partial sums in O(log levels): a binary indexed tree.
 struct CountTree {
+    at: Vec<u64>,
     sums: Vec<u64>,
     total: u64,
 }
 
 impl CountTree {
     fn new(levels: usize) -> Self {
-        Self { sums: vec![0; levels + 1], total: 0 }
+        Self { at: vec![0; levels], sums: vec![0; levels + 1], total: 0 }
     }
 
     fn add(&mut self, level: usize, count: u64) {
         self.total += count;
+        self.at[level] += count;
         let mut node = level + 1;
         while node < self.sums.len() {
             self.sums[node] += count;

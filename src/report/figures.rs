@@ -12,8 +12,8 @@ use plotters::prelude::DrawingBackend;
 use std::collections::BTreeSet;
 
 const WIDTH: u32 = 900;
-const TITLE: f64 = 20.0;
-const TEXT: f64 = 16.0;
+const TITLE: f64 = 22.0;
+const TEXT: f64 = 18.0;
 /// PNG pixels for one of the SVG.
 const PNG_SCALE: u32 = 2;
 /// Materials in the figure of errors.
@@ -91,7 +91,7 @@ fn methods(predictions: &[PredictionRecord]) -> Vec<&str> {
 
 fn legend<B: DrawingBackend>(canvas: &Canvas<B>, methods: &[&str], x: f64, top: f64) -> Drawn {
     for (i, method) in methods.iter().enumerate() {
-        let y = top + 24.0 * i as f64;
+        let y = top + 26.0 * i as f64;
         canvas.mark(i, (x, y), 6.0)?;
         canvas.words(method, (x + 16.0, y), TEXT, Anchor::Left)?;
     }
@@ -137,7 +137,7 @@ impl Picture for Scatter<'_> {
         let x = Axis { data: self.range, pixels: (60.0, 660.0) };
         let y = Axis { data: self.range, pixels: (680.0, 80.0) };
         canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
-        canvas.words("predicted MOS", (20.0, 58.0), TEXT, Anchor::Left)?;
+        canvas.words("predicted MOS", (20.0, 60.0), TEXT, Anchor::Left)?;
         canvas.words("rated MOS", (660.0, 724.0), TEXT, Anchor::Right)?;
         for tick in x.ticks(1.0) {
             canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
@@ -206,14 +206,20 @@ fn ablation(record: &BenchmarkRecord) -> Bars {
     Bars { title: title("Ablation by descriptors, unseen materials", record), rows }
 }
 
-const BAR: f64 = 13.0;
-const ROW: f64 = 2.0 * BAR + 8.0;
-const GAP: f64 = 12.0;
-const BARS_TOP: f64 = 100.0;
+const BARS_TOP: f64 = 92.0;
+/// More rows than this are drawn closer together.
+const ROOMY: usize = 16;
 
 impl Bars {
+    /// Heights of a bar, and of the space between rows.
+    fn heights(&self) -> (f64, f64) {
+        if self.rows.len() > ROOMY { (9.0, 5.0) } else { (13.0, 8.0) }
+    }
+
     fn bottom(&self) -> f64 {
-        BARS_TOP + self.rows.iter().map(|r| ROW + if r.gap { GAP } else { 0.0 }).sum::<f64>()
+        let (bar, space) = self.heights();
+        let row = |r: &BarRow| 2.0 * bar + space + if r.gap { 2.0 * space } else { 0.0 };
+        BARS_TOP + self.rows.iter().map(row).sum::<f64>()
     }
 
     fn axis(&self) -> Result<Axis, String> {
@@ -230,11 +236,11 @@ impl Picture for Bars {
     }
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
-        let (x, bottom) = (self.axis()?, self.bottom());
+        let (x, bottom, (bar, space)) = (self.axis()?, self.bottom(), self.heights());
         canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
         for (i, (name, colour)) in [("PLCC", BLUE), ("SROCC", ORANGE)].into_iter().enumerate() {
-            let left = x.pixels.0 + 110.0 * i as f64;
-            canvas.bar((left, 58.0 - BAR / 2.0), (left + 24.0, 58.0 + BAR / 2.0), colour, i == 1)?;
+            let left = x.pixels.0 + 120.0 * i as f64;
+            canvas.bar((left, 58.0 - bar / 2.0), (left + 24.0, 58.0 + bar / 2.0), colour, i == 1)?;
             canvas.words(name, (left + 32.0, 58.0), TEXT, Anchor::Left)?;
         }
         for tick in x.ticks(0.2) {
@@ -243,19 +249,19 @@ impl Picture for Bars {
         }
         let mut top = BARS_TOP;
         for row in &self.rows {
-            top += if row.gap { GAP } else { 0.0 };
-            canvas.words(&row.label, (x.pixels.0 - 12.0, top + BAR), TEXT, Anchor::Right)?;
+            top += if row.gap { 2.0 * space } else { 0.0 };
+            canvas.words(&row.label, (x.pixels.0 - 12.0, top + bar), TEXT, Anchor::Right)?;
             for (i, ((value, interval), colour)) in row.bars.into_iter().zip([BLUE, ORANGE]).enumerate() {
-                let (y, middle) = (top + BAR * i as f64, top + BAR * (i as f64 + 0.5));
-                canvas.bar((x.at(0.0), y), (x.at(value), y + BAR - 1.0), colour, i == 1)?;
+                let (y, middle) = (top + bar * i as f64, top + bar * (i as f64 + 0.5));
+                canvas.bar((x.at(0.0), y), (x.at(value), y + bar - 1.0), colour, i == 1)?;
                 canvas.line((x.at(interval.low), middle), (x.at(interval.high), middle), INK, 1.5)?;
                 for end in [interval.low, interval.high] {
-                    canvas.line((x.at(end), middle - 4.0), (x.at(end), middle + 4.0), INK, 1.5)?;
+                    canvas.line((x.at(end), middle - bar / 3.0), (x.at(end), middle + bar / 3.0), INK, 1.5)?;
                 }
                 let right = x.at(interval.high.max(value).max(0.0)) + 8.0;
-                canvas.words(&format!("{value:.2}"), (right, middle), 13.0, Anchor::Left)?;
+                canvas.words(&format!("{value:.2}"), (right, middle), bar.min(12.0) + 1.0, Anchor::Left)?;
             }
-            top += ROW;
+            top += 2.0 * bar + space;
         }
         canvas.line((x.at(0.0), BARS_TOP - 10.0), (x.at(0.0), bottom), INK, 1.0)
     }
@@ -291,11 +297,11 @@ impl<'a> Strips<'a> {
 }
 
 const STRIP: f64 = 22.0;
-const STRIPS_TOP: f64 = 90.0;
+const STRIPS_TOP: f64 = 76.0;
 
 impl Picture for Strips<'_> {
     fn size(&self) -> (u32, u32) {
-        let legend = 24.0 * self.methods.len() as f64;
+        let legend = 26.0 * self.methods.len() as f64;
         let bottom = STRIPS_TOP + (STRIP * self.materials.len() as f64).max(legend);
         (WIDTH, (bottom + 60.0).ceil() as u32)
     }

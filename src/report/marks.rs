@@ -32,7 +32,7 @@ const SHAPES: [&[(f64, f64)]; 6] = [
     &[(0.0, -1.15), (1.05, 0.75), (-1.05, 0.75)],
     &[(0.0, -1.25), (1.0, 0.0), (0.0, 1.25), (-1.0, 0.0)],
     &[(0.0, 1.15), (1.05, -0.75), (-1.05, -0.75)],
-    &[(-1.25, 0.35), (-1.25, -0.35), (1.25, -0.35), (1.25, 0.35)],
+    &[(-1.3, 0.5), (-1.3, -0.5), (1.3, -0.5), (1.3, 0.5)],
 ];
 
 const FONT: &str = "sans-serif";
@@ -60,12 +60,17 @@ pub(super) type Drawn = Result<(), String>;
 pub(super) struct Canvas<B: DrawingBackend> {
     area: DrawingArea<B, Shift>,
     scale: f64,
+    /// How far below their point words are put, in units of their size.
+    sink: f64,
 }
+
+/// The bitmap back end centres the box of a word, descenders included; SVG viewers centre its small letters.
+const BITMAP_SINK: f64 = 0.12;
 
 /// The picture as an SVG document.
 pub(super) fn svg(picture: &impl Picture) -> Result<String, String> {
     let mut document = String::new();
-    draw(picture, SVGBackend::with_string(&mut document, picture.size()), 1.0)?;
+    draw(picture, SVGBackend::with_string(&mut document, picture.size()), 1.0, 0.0)?;
     Ok(document)
 }
 
@@ -73,7 +78,7 @@ pub(super) fn svg(picture: &impl Picture) -> Result<String, String> {
 pub(super) fn png(picture: &impl Picture, scale: u32) -> Result<Vec<u8>, String> {
     let (width, height) = (picture.size().0 * scale, picture.size().1 * scale);
     let mut pixels = vec![0; (width * height * 3) as usize];
-    draw(picture, BitMapBackend::with_buffer(&mut pixels, (width, height)), f64::from(scale))?;
+    draw(picture, BitMapBackend::with_buffer(&mut pixels, (width, height)), f64::from(scale), BITMAP_SINK)?;
     let mut file = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut file);
     image::ImageEncoder::write_image(encoder, &pixels, width, height, image::ColorType::Rgb8)
@@ -81,9 +86,9 @@ pub(super) fn png(picture: &impl Picture, scale: u32) -> Result<Vec<u8>, String>
     Ok(file)
 }
 
-fn draw<B: DrawingBackend>(picture: &impl Picture, backend: B, scale: f64) -> Drawn {
+fn draw<B: DrawingBackend>(picture: &impl Picture, backend: B, scale: f64, sink: f64) -> Drawn {
     register_font()?;
-    let canvas = Canvas { area: backend.into_drawing_area(), scale };
+    let canvas = Canvas { area: backend.into_drawing_area(), scale, sink };
     canvas.area.fill(&WHITE).map_err(|e| e.to_string())?;
     picture.draw(&canvas)?;
     canvas.area.present().map_err(|e| e.to_string())
@@ -138,7 +143,7 @@ impl<B: DrawingBackend> Canvas<B> {
             Anchor::Right => HPos::Right,
         };
         let font = (FONT, size * self.scale).into_font().color(&INK).pos(Pos::new(side, VPos::Center));
-        self.put(Text::new(words.to_owned(), self.at(at), font))
+        self.put(Text::new(words.to_owned(), self.at((at.0, at.1 + self.sink * size)), font))
     }
 
     /// The mark of the `index`-th method: no two of the first 42 are the same.

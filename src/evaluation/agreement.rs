@@ -1,0 +1,273 @@
+//! How well predictions agree with mean opinion scores, in six figures.
+//!
+//! * `plcc_raw`: Pearson's r of the metric's own score and the MOS;
+//! * `plcc`, `rmse`: Pearson's r and root mean square error (in MOS) after the 4-parameter logistic map of
+//!   [`crate::math::logistic`], fitted on rows that are not judged (ITU-T P.1401, 2020);
+//! * `srocc`, `krocc`: Spearman's rho and Kendall's tau-b of the metric's own score and the MOS;
+//! * `within_material_srocc`: mean over materials of Spearman's rho among the candidates of one material, over the
+//!   materials with at least [`MIN_ROWS_PER_MATERIAL`] rows whose ratings are not all equal. A metric that gives all
+//!   candidates of a material the same score orders nothing there, and counts as 0.
+//!
+//! Scores grow with quality (a distance enters negated), so that 1 is perfect and a sign is never dropped. Rows are
+//! not weighted. Cost: O(n log n) once, then O(n log n) with a small constant for every resample.
+
+use super::EvaluationError;
+use crate::dataset::samples::Row;
+use crate::math::correlation::{
+    CorrelationError, Ranking, kendall_counted, pearson_counted, rmse_counted, spearman, spearman_counted,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Fewer candidates of a material have no meaningful order.
+pub const MIN_ROWS_PER_MATERIAL: usize = 3;
+
+/// One of the figures of [`Figures`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Figure {
+    PlccRaw,
+    Plcc,
+    Srocc,
+    Krocc,
+    Rmse,
+    WithinMaterialSrocc,
+}
+
+impl Figure {
+    pub const ALL: [Self; 6] =
+        [Self::PlccRaw, Self::Plcc, Self::Srocc, Self::Krocc, Self::Rmse, Self::WithinMaterialSrocc];
+}
+
+/// Something for each figure: its value, its interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Figures<T> {
+    pub plcc_raw: T,
+    pub plcc: T,
+    pub srocc: T,
+    pub krocc: T,
+    pub rmse: T,
+    /// `None` where no material has enough rows.
+    pub within_material_srocc: Option<T>,
+}
+
+/// The values of the figures.
+pub type Agreement = Figures<f64>;
+
+impl<T: Copy> Figures<T> {
+    pub fn get(&self, figure: Figure) -> Option<T> {
+        match figure {
+            Figure::PlccRaw => Some(self.plcc_raw),
+            Figure::Plcc => Some(self.plcc),
+            Figure::Srocc => Some(self.srocc),
+            Figure::Krocc => Some(self.krocc),
+            Figure::Rmse => Some(self.rmse),
+            Figure::WithinMaterialSrocc => self.within_material_srocc,
+        }
+    }
+}
+
+impl Agreement {
+    /// Agreement of `predictions` with `ratings`; fails where either is constant.
+    pub fn of(ratings: &Ratings, predictions: &Predictions) -> Result<Self, EvaluationError> {
+        let counts = vec![1; ratings.len()];
+        Prepared::new(ratings, predictions)?
+            .agreement(&counts)
+            .map_err(|source| EvaluationError::Correlation { what: "agreement of predictions (first) and MOS", source })
+    }
+}
+
+/// What a metric says of each row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Predictions {
+    /// The metric's own score, larger is better; a distance enters negated.
+    pub score: Vec<f64>,
+    /// The score mapped to a mean opinion score.
+    pub mos: Vec<f64>,
+}
+
+impl Predictions {
+    /// The predictions of the rows at `indices`, in that order.
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let pick = |values: &[f64]| indices.iter().map(|&i| values[i]).collect();
+        Self { score: pick(&self.score), mos: pick(&self.mos) }
+    }
+}
+
+/// What people said, and what each row belongs to.
+#[derive(Debug, Clone)]
+pub struct Ratings {
+    mos: Vec<f64>,
+    ranking: Ranking,
+    /// Rows of each material, by name.
+    materials: Vec<Vec<usize>>,
+    /// Rows of each group of sister materials, by name: what is resampled together.
+    groups: Vec<Vec<usize>>,
+}
+
+impl Ratings {
+    pub fn of<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Self {
+        let mut mos = Vec::new();
+        let (mut materials, mut groups) = (BTreeMap::<&str, Vec<usize>>::new(), BTreeMap::<&str, Vec<usize>>::new());
+        for (i, row) in rows.into_iter().enumerate() {
+            mos.push(row.mos);
+            materials.entry(&row.material).or_default().push(i);
+            groups.entry(&row.group).or_default().push(i);
+        }
+        let ranking = Ranking::of(&mos);
+        Self { mos, ranking, materials: materials.into_values().collect(), groups: groups.into_values().collect() }
+    }
+
+    pub fn len(&self) -> usize {
+        self.mos.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.mos.is_empty()
+    }
+
+    pub fn mos(&self) -> &[f64] {
+        &self.mos
+    }
+
+    /// Rows of each group of sister materials.
+    pub fn groups(&self) -> &[Vec<usize>] {
+        &self.groups
+    }
+}
+
+/// Ratings and predictions ranked once, to be judged under many multiplicities.
+pub(super) struct Prepared<'a> {
+    ratings: &'a Ratings,
+    predictions: &'a Predictions,
+    ranking: Ranking,
+    /// A row and Spearman's rho of each material that has one.
+    within: Vec<(usize, f64)>,
+}
+
+impl<'a> Prepared<'a> {
+    pub(super) fn new(ratings: &'a Ratings, predictions: &'a Predictions) -> Result<Self, EvaluationError> {
+        for (what, found) in
+            [("scores of a metric", predictions.score.len()), ("predicted MOS of a metric", predictions.mos.len())]
+        {
+            if found != ratings.len() {
+                return Err(EvaluationError::Lengths { what, found, expected: ratings.len() });
+            }
+        }
+        for values in [&predictions.score, &predictions.mos] {
+            if let Some(row) = values.iter().position(|v| !v.is_finite()) {
+                let source = CorrelationError::NotFinite { side: "first", row, value: values[row] };
+                return Err(EvaluationError::Correlation { what: "predictions of a metric", source });
+            }
+        }
+        let within = ratings
+            .materials
+            .iter()
+            .filter(|rows| rows.len() >= MIN_ROWS_PER_MATERIAL)
+            .filter_map(|rows| {
+                let pick = |values: &[f64]| rows.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+                match spearman(&pick(&predictions.score), &pick(&ratings.mos)) {
+                    Ok(rho) => Some((rows[0], rho)),
+                    Err(CorrelationError::Constant { side: "first" }) if !all_equal(&pick(&ratings.mos)) => {
+                        Some((rows[0], 0.0))
+                    }
+                    Err(_) => None,
+                }
+            })
+            .collect();
+        Ok(Self { ratings, predictions, ranking: Ranking::of(&predictions.score), within })
+    }
+
+    /// Agreement where row i counts `counts[i]` times; rows of one material have the same count.
+    pub(super) fn agreement(&self, counts: &[u32]) -> Result<Agreement, CorrelationError> {
+        let (mos, score) = (&self.ratings.mos, &self.predictions.score);
+        Ok(Agreement {
+            plcc_raw: pearson_counted(score, mos, counts)?,
+            plcc: pearson_counted(&self.predictions.mos, mos, counts)?,
+            srocc: spearman_counted(&self.ranking, &self.ratings.ranking, counts)?,
+            krocc: kendall_counted(&self.ranking, &self.ratings.ranking, counts)?,
+            rmse: rmse_counted(&self.predictions.mos, mos, counts)?,
+            within_material_srocc: self.within_material_srocc(counts),
+        })
+    }
+
+    fn within_material_srocc(&self, counts: &[u32]) -> Option<f64> {
+        let (sum, materials) = self.within.iter().fold((0.0, 0.0), |(sum, n), &(row, rho)| {
+            let count = f64::from(counts[row]);
+            (sum + count * rho, n + count)
+        });
+        (materials > 0.0).then(|| sum / materials)
+    }
+}
+
+fn all_equal(values: &[f64]) -> bool {
+    values.iter().all(|&v| v == values[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub(super) fn row(material: &str, mos: f64) -> Row {
+        Row {
+            material: material.into(),
+            group: material.into(),
+            method: "SGD".into(),
+            method_family: "SGD".into(),
+            material_type: None,
+            mos,
+            weight: 1.0,
+        }
+    }
+
+    fn ratings(rows: &[(&str, f64)]) -> Ratings {
+        let rows: Vec<Row> = rows.iter().map(|&(material, mos)| row(material, mos)).collect();
+        Ratings::of(&rows)
+    }
+
+    #[test]
+    fn a_monotone_score_orders_perfectly_whatever_its_scale() {
+        let ratings = ratings(&[("a", 1.0), ("a", 2.5), ("a", 4.0), ("b", 3.0), ("b", 4.5)]);
+        let score: Vec<f64> = ratings.mos().iter().map(|m| m.powi(5) - 9.0).collect();
+        let found = Agreement::of(&ratings, &Predictions { score, mos: ratings.mos().to_vec() }).unwrap();
+        assert_eq!((found.srocc, found.krocc, found.rmse), (1.0, 1.0, 0.0));
+        assert!((found.plcc - 1.0).abs() < 1e-15 && found.plcc_raw < 0.95);
+        assert_eq!(found.within_material_srocc, Some(1.0));
+    }
+
+    #[test]
+    fn within_material_order_counts_materials_of_three_rows_or_more() {
+        // a: reversed, -1; b: in order, 1; c: one score for all, 0; d: two rows, left out; e: equal ratings, left out.
+        let rows = [("a", 1.0), ("a", 2.0), ("a", 3.0), ("b", 1.0), ("b", 2.0), ("b", 3.0)];
+        let rows =
+            [&rows[..], &[("c", 1.0), ("c", 2.0), ("c", 3.0), ("d", 1.0), ("d", 2.0)], &[("e", 2.0); 3]].concat();
+        let ratings = ratings(&rows);
+        let score = vec![3.0, 2.0, 1.0, 1.0, 2.0, 3.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 2.0, 3.0];
+        let predictions = Predictions { mos: score.clone(), score };
+        let found = Agreement::of(&ratings, &predictions).unwrap().within_material_srocc;
+        assert_eq!(found, Some(0.0));
+        let prepared = Prepared::new(&ratings, &predictions).unwrap();
+        assert_eq!(prepared.within.len(), 3);
+        // Counting b twice: (-1 + 2 + 0) / 4.
+        let counts = [1, 1, 1, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1, 1];
+        let found = prepared.agreement(&counts).unwrap().within_material_srocc.unwrap();
+        assert!((found - 0.25).abs() < 1e-15);
+    }
+
+    #[test]
+    fn no_material_with_three_rows_has_no_within_figure() {
+        let ratings = ratings(&[("a", 1.0), ("b", 2.0), ("c", 3.0)]);
+        let predictions = Predictions { score: vec![1.0, 3.0, 2.0], mos: vec![1.0, 3.0, 2.0] };
+        assert_eq!(Agreement::of(&ratings, &predictions).unwrap().within_material_srocc, None);
+    }
+
+    #[test]
+    fn constant_ratings_or_predictions_are_refused() {
+        let predictions = Predictions { score: vec![1.0, 3.0, 2.0], mos: vec![1.0, 3.0, 2.0] };
+        let error = Agreement::of(&ratings(&[("a", 2.0), ("b", 2.0), ("c", 2.0)]), &predictions).unwrap_err();
+        assert!(error.to_string().contains("all values of the second list are equal"), "{error}");
+        let constant = Predictions { score: vec![0.0; 3], mos: vec![2.0; 3] };
+        let error = Agreement::of(&ratings(&[("a", 2.0), ("b", 1.0), ("c", 2.0)]), &constant).unwrap_err();
+        assert!(error.to_string().contains("all values of the first list are equal"), "{error}");
+    }
+}

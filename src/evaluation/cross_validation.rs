@@ -1,0 +1,178 @@
+//! Predictions for rows that a metric has not seen.
+//!
+//! Each fold trains on its training side and predicts its held-out side; every row is held out exactly once. The
+//! 4-parameter logistic from score to MOS is fitted, like everything else, on the training side: for a trained
+//! metric on its predictions for its own training rows, for a classical metric on their distances. A score that is
+//! constant over the training rows says nothing, and the mean of their ratings is its best map.
+//! Folds run in parallel; each has its own seed, so that neither their order nor the number of threads matters.
+
+use super::EvaluationError;
+use super::agreement::Predictions;
+use crate::dataset::samples::Samples;
+use crate::dataset::split::Fold;
+use crate::math::correlation;
+use crate::math::logistic::{Logistic4, LogisticError};
+use crate::math::seed;
+use crate::train::Trainer;
+use ndarray::ArrayView1;
+use rand::Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What a metric says of every row without having seen it.
+#[derive(Debug, Clone)]
+pub struct OutOfFold {
+    pub predictions: Predictions,
+    pub folds: Vec<FoldRecord>,
+}
+
+/// One fold on its own. Correlations are `None` where ratings or predictions of the fold are all equal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoldRecord {
+    pub fold: usize,
+    pub training_rows: usize,
+    pub held_out_rows: usize,
+    /// After the logistic.
+    pub plcc: Option<f64>,
+    pub srocc: Option<f64>,
+    /// In MOS.
+    pub rmse: f64,
+}
+
+/// Scores and MOS of one fold's held-out rows, in their order.
+struct FoldPredictions {
+    score: Vec<f64>,
+    mos: Vec<f64>,
+}
+
+/// Trains on each fold and predicts what it holds out.
+pub fn cross_validate(
+    samples: &Samples,
+    folds: &[Fold],
+    trainer: &dyn Trainer,
+    seed: u64,
+) -> Result<OutOfFold, EvaluationError> {
+    let name = trainer.name();
+    check_coverage(samples, folds)?;
+    let run = |(index, fold): (usize, &Fold)| {
+        let seed = seed::stream(seed, "cross-validation", index as u64).random();
+        let predictor = trainer.train(&fold.training, seed).map_err(|source| EvaluationError::Training {
+            metric: name.to_owned(),
+            fold: index,
+            training_rows: fold.training.rows().len(),
+            source,
+        })?;
+        let training = predictor.predict(fold.training.features());
+        let score = predictor.predict(fold.held_out.features());
+        map_fold(name, index, &training, &fold.training.mos(), score)
+    };
+    let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
+    assemble(name, samples, folds, predicted)
+}
+
+/// A classical metric, whose distances stand in the column called `name` (larger is worse) and need no training: only
+/// the logistic map is fitted, on each fold's training side, and the score of a row is its negated distance.
+pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) -> Result<OutOfFold, EvaluationError> {
+    check_coverage(samples, folds)?;
+    let column = column_index(samples, name)?;
+    let negated = |distances: ArrayView1<'_, f64>| distances.iter().map(|d| -d).collect::<Vec<f64>>();
+    let run = |(index, fold): (usize, &Fold)| {
+        let training = negated(fold.training.features().column(column));
+        let score = negated(fold.held_out.features().column(column));
+        map_fold(name, index, &training, &fold.training.mos(), score)
+    };
+    let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
+    assemble(name, samples, folds, predicted)
+}
+
+/// The distances of the column called `name` with the logistic map fitted on the very rows that are judged, as the
+/// literature reports them.
+pub fn in_sample(samples: &Samples, name: &str) -> Result<Predictions, EvaluationError> {
+    let score: Vec<f64> = samples.column(column_index(samples, name)?).iter().map(|d| -d).collect();
+    let mos: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
+    let mapped = map_fold(name, 0, &score, &mos, score.clone())?;
+    Ok(Predictions { score: mapped.score, mos: mapped.mos })
+}
+
+fn column_index(samples: &Samples, name: &str) -> Result<usize, EvaluationError> {
+    samples
+        .columns()
+        .iter()
+        .position(|c| c.name == name)
+        .ok_or_else(|| EvaluationError::UnknownColumn { name: name.to_owned(), columns: samples.columns().len() })
+}
+
+fn check_coverage(samples: &Samples, folds: &[Fold]) -> Result<(), EvaluationError> {
+    let mut times = vec![0; samples.len()];
+    for &row in folds.iter().flat_map(|fold| fold.held_out.indices()) {
+        let found = times.get_mut(row).ok_or(EvaluationError::Lengths {
+            what: "rows of the samples that the folds split",
+            found: samples.len(),
+            expected: row + 1,
+        })?;
+        *found += 1;
+    }
+    match times.iter().position(|&t| t != 1) {
+        None => Ok(()),
+        Some(row) => Err(EvaluationError::Coverage {
+            row,
+            material: samples.rows()[row].material.clone(),
+            method: samples.rows()[row].method.clone(),
+            times: times[row],
+        }),
+    }
+}
+
+/// Maps held-out scores to MOS by what the training scores say.
+fn map_fold(
+    metric: &str,
+    fold: usize,
+    training_score: &[f64],
+    training_mos: &[f64],
+    score: Vec<f64>,
+) -> Result<FoldPredictions, EvaluationError> {
+    let mos = match Logistic4::fit(training_score, training_mos) {
+        Ok(curve) => score.iter().map(|&s| curve.predict(s)).collect(),
+        Err(LogisticError::Constant { what: "x", .. }) => {
+            let mean = training_mos.iter().sum::<f64>() / training_mos.len() as f64;
+            vec![mean; score.len()]
+        }
+        Err(source) => return Err(EvaluationError::Logistic { metric: metric.to_owned(), fold, source }),
+    };
+    Ok(FoldPredictions { score, mos })
+}
+
+fn assemble(
+    name: &str,
+    samples: &Samples,
+    folds: &[Fold],
+    predicted: Vec<FoldPredictions>,
+) -> Result<OutOfFold, EvaluationError> {
+    let mut predictions = Predictions { score: vec![f64::NAN; samples.len()], mos: vec![f64::NAN; samples.len()] };
+    let mut records = Vec::with_capacity(folds.len());
+    for (index, (fold, found)) in folds.iter().zip(predicted).enumerate() {
+        let held_out = &fold.held_out;
+        if found.score.len() != held_out.indices().len() {
+            let (what, expected) = ("predictions of a fold", held_out.indices().len());
+            return Err(EvaluationError::Lengths { what, found: found.score.len(), expected });
+        }
+        for ((&row, &score), &mos) in held_out.indices().iter().zip(&found.score).zip(&found.mos) {
+            if !(score.is_finite() && mos.is_finite()) {
+                return Err(EvaluationError::NotFinite { metric: name.to_owned(), row, value: score });
+            }
+            predictions.score[row] = score;
+            predictions.mos[row] = mos;
+        }
+        let rated: Vec<f64> = held_out.rows().iter().map(|r| r.mos).collect();
+        let squares: f64 = found.mos.iter().zip(&rated).map(|(p, m)| (p - m) * (p - m)).sum();
+        records.push(FoldRecord {
+            fold: index,
+            training_rows: fold.training.rows().len(),
+            held_out_rows: rated.len(),
+            plcc: correlation::pearson(&found.mos, &rated).ok(),
+            srocc: correlation::spearman(&found.score, &rated).ok(),
+            rmse: (squares / rated.len() as f64).sqrt(),
+        });
+    }
+    Ok(OutOfFold { predictions, folds: records })
+}

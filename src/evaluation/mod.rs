@@ -1,0 +1,43 @@
+//! Agreement with people: correlations, cross-validation, bootstrap, tests of differences, benchmark records.
+//!
+//! A [`cross_validation::OutOfFold`] says what a metric predicts for rows that it has not seen,
+//! [`agreement::Agreement`] how well that agrees with the ratings, [`bootstrap`] how sure that is, and
+//! [`benchmark`] collects both for many metrics as records. Nothing here formats or prints.
+
+pub mod agreement;
+pub mod benchmark;
+pub mod bootstrap;
+pub mod calibration;
+pub mod cross_validation;
+pub mod dependent;
+pub mod records;
+
+use crate::math::correlation::CorrelationError;
+use crate::math::logistic::LogisticError;
+use crate::train::TrainError;
+use thiserror::Error;
+
+/// Why agreement with people could not be measured.
+#[derive(Debug, Error)]
+pub enum EvaluationError {
+    #[error("{what}: found {found}, expected {expected}")]
+    Lengths { what: &'static str, found: usize, expected: usize },
+    #[error("{what}: {source}")]
+    Correlation { what: &'static str, source: CorrelationError },
+    #[error("{metric}, fold {fold}: {source}")]
+    Logistic { metric: String, fold: usize, source: LogisticError },
+    #[error("{metric}, fold {fold} of {training_rows} training rows: {source}")]
+    Training { metric: String, fold: usize, training_rows: usize, source: TrainError },
+    #[error("row {row} ({material}, {method}) is held out by {times} folds, allowed: exactly 1")]
+    Coverage { row: usize, material: String, method: String, times: usize },
+    #[error("{metric}: the prediction for row {row} is {value}, allowed: finite numbers")]
+    NotFinite { metric: String, row: usize, value: f64 },
+    #[error("{metric}: only {defined} of {resamples} resamples have a correlation, at least half must")]
+    Resamples { metric: String, defined: usize, resamples: usize },
+    #[error("{what}: found {found}, allowed: at least {least}")]
+    TooFew { what: &'static str, found: usize, least: usize },
+    #[error("no column is called {name} among the {columns} of the samples")]
+    UnknownColumn { name: String, columns: usize },
+    #[error("no metric is called {name}; judged are {judged}")]
+    UnknownMetric { name: String, judged: String },
+}

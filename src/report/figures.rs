@@ -1,0 +1,333 @@
+//! The figures of a benchmark: predicted against rated, agreement of selected metrics, of all Lp metrics, errors by
+//! material, ablation.
+
+use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
+use super::{Figure, ReportError, tables};
+use crate::evaluation::agreement::Figure as AgreementFigure;
+use crate::evaluation::bootstrap::Interval;
+use crate::evaluation::records::{
+    BenchmarkRecord, Judgement, MetricKind, MetricRecord, PredictionRecord, RowSet, Split,
+};
+use plotters::prelude::DrawingBackend;
+use std::collections::BTreeSet;
+
+const WIDTH: u32 = 900;
+const TITLE: f64 = 22.0;
+const TEXT: f64 = 18.0;
+/// PNG pixels for one of the SVG.
+const PNG_SCALE: u32 = 2;
+/// Materials in the figure of errors.
+const MOST_MATERIALS: usize = 40;
+
+/// Every figure that `record` has the data for.
+pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
+    let mut figures = Vec::new();
+    let subject = tables::subject(record);
+    if let Some(scatter) = Scatter::of(record) {
+        let caption = format!(
+            "Mean opinion score predicted by {subject} for materials that it has not seen, against that of the raters; \
+             on the diagonal they agree. One mark a rated pair, by approximation method."
+        );
+        figures.push(figure("scatter", caption, &scatter)?);
+    }
+    for (name, bars, caption) in [
+        ("agreement", agreement(record), "Agreement of selected metrics on materials that they have not seen"),
+        ("lp", lp(record), "Agreement of the Lp distances, logistic map fitted on other materials"),
+        ("ablation", ablation(record), "Agreement after retraining with other descriptors, on unseen materials"),
+    ] {
+        if !bars.rows.is_empty() {
+            let caption = format!(
+                "{caption}: Pearson correlation after the logistic map (no border) and Spearman correlation (black \
+                 border), with 95 % intervals of a bootstrap by material."
+            );
+            figures.push(figure(name, caption, &bars)?);
+        }
+    }
+    let strips = Strips::of(record);
+    if !strips.materials.is_empty() {
+        let caption = format!(
+            "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. One mark a rated \
+             pair, by approximation method; right of zero the metric is too kind."
+        );
+        figures.push(figure("residuals", caption, &strips)?);
+    }
+    Ok(figures)
+}
+
+fn figure(name: &'static str, caption: String, picture: &impl Picture) -> Result<Figure, ReportError> {
+    let failed = |reason| ReportError::Figure { figure: name, reason };
+    let (svg, png) = (marks::svg(picture).map_err(failed)?, marks::png(picture, PNG_SCALE).map_err(failed)?);
+    Ok(Figure { name, caption, svg, png })
+}
+
+fn title(words: &str, record: &BenchmarkRecord) -> String {
+    format!("{words}{}", if record.synthetic { " (SYNTHETIC observers)" } else { "" })
+}
+
+/// A linear axis from data to pixels.
+#[derive(Clone, Copy)]
+struct Axis {
+    data: (f64, f64),
+    pixels: (f64, f64),
+}
+
+impl Axis {
+    fn at(&self, value: f64) -> f64 {
+        let t = (value - self.data.0) / (self.data.1 - self.data.0);
+        self.pixels.0 + t * (self.pixels.1 - self.pixels.0)
+    }
+
+    /// Multiples of `step` inside the data range.
+    fn ticks(&self, step: f64) -> impl Iterator<Item = f64> {
+        let (first, last) = ((self.data.0 / step - 1e-9).ceil() as i64, (self.data.1 / step + 1e-9).floor() as i64);
+        (first..=last).map(move |i| i as f64 * step)
+    }
+}
+
+/// Names of the methods in a fixed order, which decides their marks.
+fn methods(predictions: &[PredictionRecord]) -> Vec<&str> {
+    predictions.iter().map(|p| p.method.as_str()).collect::<BTreeSet<_>>().into_iter().collect()
+}
+
+fn legend<B: DrawingBackend>(canvas: &Canvas<B>, methods: &[&str], x: f64, top: f64) -> Drawn {
+    for (i, method) in methods.iter().enumerate() {
+        let y = top + 26.0 * i as f64;
+        canvas.mark(i, (x, y), 6.0)?;
+        canvas.words(method, (x + 16.0, y), TEXT, Anchor::Left)?;
+    }
+    Ok(())
+}
+
+/// Predicted against rated.
+struct Scatter<'a> {
+    title: String,
+    methods: Vec<&'a str>,
+    /// Method, rated, predicted.
+    points: Vec<(usize, f64, f64)>,
+    range: (f64, f64),
+}
+
+impl<'a> Scatter<'a> {
+    fn of(record: &'a BenchmarkRecord) -> Option<Self> {
+        let subject = record.headline.first()?;
+        let methods = methods(&record.predictions);
+        let point = |p: &PredictionRecord| {
+            Some((methods.iter().position(|m| *m == p.method)?, p.mos, *p.predicted.get(subject)?))
+        };
+        let points: Vec<(usize, f64, f64)> = record.predictions.iter().filter_map(point).collect();
+        if points.is_empty() {
+            return None;
+        }
+        let range = points.iter().fold((1.0f64, 5.0f64), |(low, high), p| (low.min(p.2), high.max(p.2)));
+        Some(Self {
+            title: title(&format!("{subject}: predicted and rated"), record),
+            methods,
+            points,
+            range: (range.0 - 0.15, range.1 + 0.15),
+        })
+    }
+}
+
+impl Picture for Scatter<'_> {
+    fn size(&self) -> (u32, u32) {
+        (WIDTH, 740)
+    }
+
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let x = Axis { data: self.range, pixels: (60.0, 660.0) };
+        let y = Axis { data: self.range, pixels: (680.0, 80.0) };
+        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        canvas.words("predicted MOS", (20.0, 60.0), TEXT, Anchor::Left)?;
+        canvas.words("rated MOS", (660.0, 724.0), TEXT, Anchor::Right)?;
+        for tick in x.ticks(1.0) {
+            canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
+            canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
+            canvas.words(&format!("{tick}"), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
+            canvas.words(&format!("{tick}"), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
+        }
+        canvas.line((x.pixels.0, y.pixels.0), (x.pixels.1, y.pixels.1), INK, 1.0)?;
+        for &(method, rated, predicted) in &self.points {
+            canvas.mark(method, (x.at(rated), y.at(predicted)), 4.5)?;
+        }
+        legend(canvas, &self.methods, 690.0, 90.0)
+    }
+}
+
+/// Two horizontal bars a row, with intervals.
+struct Bars {
+    title: String,
+    rows: Vec<BarRow>,
+}
+
+struct BarRow {
+    label: String,
+    /// Pearson after the logistic map, Spearman.
+    bars: [(f64, Interval); 2],
+    /// Begins a new group of rows.
+    gap: bool,
+}
+
+impl BarRow {
+    fn of(label: String, judgement: Option<&Judgement>, gap: bool) -> Option<Self> {
+        let judgement = judgement?;
+        let bar = |figure| Some((judgement.agreement.get(figure)?, judgement.intervals.get(figure)?));
+        Some(Self { label, bars: [bar(AgreementFigure::Plcc)?, bar(AgreementFigure::Srocc)?], gap })
+    }
+}
+
+fn unseen(metric: &MetricRecord) -> Option<&Judgement> {
+    metric.judgement(Split::UnseenMaterial, RowSet::All)
+}
+
+fn agreement(record: &BenchmarkRecord) -> Bars {
+    let metrics = record.headline_metrics();
+    let rows = metrics.iter().filter_map(|m| BarRow::of(m.name.clone(), unseen(m), false)).collect();
+    Bars { title: title("Agreement with the ratings, unseen materials", record), rows }
+}
+
+fn lp(record: &BenchmarkRecord) -> Bars {
+    let stem = |name: &str| name.split('.').next().unwrap_or_default().to_owned();
+    let mut rows: Vec<BarRow> = Vec::new();
+    for metric in record.metrics.iter().filter(|m| m.kind == MetricKind::Lp) {
+        let gap = rows.last().is_some_and(|last| stem(&last.label) != stem(&metric.name));
+        rows.extend(BarRow::of(metric.name.clone(), unseen(metric), gap));
+    }
+    Bars { title: title("Lp distances", record), rows }
+}
+
+fn ablation(record: &BenchmarkRecord) -> Bars {
+    let full =
+        record.headline_metrics().first().and_then(|m| BarRow::of(format!("{} (full)", m.name), unseen(m), false));
+    let parts = record.ablation.iter().enumerate().filter_map(|(i, found)| {
+        let label = format!("{} ({})", found.name, found.columns);
+        BarRow::of(label, found.judgement(Split::UnseenMaterial, RowSet::All), i == 0)
+    });
+    let rows = if record.ablation.is_empty() { Vec::new() } else { full.into_iter().chain(parts).collect() };
+    Bars { title: title("Ablation by descriptors, unseen materials", record), rows }
+}
+
+const BARS_TOP: f64 = 92.0;
+/// More rows than this are drawn closer together.
+const ROOMY: usize = 16;
+
+impl Bars {
+    /// Heights of a bar, and of the space between rows.
+    fn heights(&self) -> (f64, f64) {
+        if self.rows.len() > ROOMY { (9.0, 5.0) } else { (13.0, 8.0) }
+    }
+
+    fn bottom(&self) -> f64 {
+        let (bar, space) = self.heights();
+        let row = |r: &BarRow| 2.0 * bar + space + if r.gap { 2.0 * space } else { 0.0 };
+        BARS_TOP + self.rows.iter().map(row).sum::<f64>()
+    }
+
+    fn axis(&self) -> Result<Axis, String> {
+        let widths: Vec<f64> = self.rows.iter().map(|r| marks::width(&r.label, TEXT)).collect::<Result<_, _>>()?;
+        let margin = widths.iter().fold(40.0f64, |a, &b| a.max(b)) + 36.0;
+        let lowest = self.rows.iter().flat_map(|r| r.bars).map(|b| b.1.low.min(b.0)).fold(0.0, f64::min);
+        Ok(Axis { data: ((lowest * 5.0).floor() / 5.0, 1.0), pixels: (margin.min(420.0), f64::from(WIDTH) - 80.0) })
+    }
+}
+
+impl Picture for Bars {
+    fn size(&self) -> (u32, u32) {
+        (WIDTH, (self.bottom() + 40.0).ceil() as u32)
+    }
+
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let (x, bottom, (bar, space)) = (self.axis()?, self.bottom(), self.heights());
+        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        for (i, (name, colour)) in [("PLCC", BLUE), ("SROCC", ORANGE)].into_iter().enumerate() {
+            let left = x.pixels.0 + 120.0 * i as f64;
+            canvas.bar((left, 58.0 - bar / 2.0), (left + 24.0, 58.0 + bar / 2.0), colour, i == 1)?;
+            canvas.words(name, (left + 32.0, 58.0), TEXT, Anchor::Left)?;
+        }
+        for tick in x.ticks(0.2) {
+            canvas.line((x.at(tick), BARS_TOP - 10.0), (x.at(tick), bottom), FAINT, 1.0)?;
+            canvas.words(&format!("{:.1}", tick + 0.0), (x.at(tick), bottom + 16.0), TEXT, Anchor::Middle)?;
+        }
+        let mut top = BARS_TOP;
+        for row in &self.rows {
+            top += if row.gap { 2.0 * space } else { 0.0 };
+            canvas.words(&row.label, (x.pixels.0 - 12.0, top + bar), TEXT, Anchor::Right)?;
+            for (i, ((value, interval), colour)) in row.bars.into_iter().zip([BLUE, ORANGE]).enumerate() {
+                let (y, middle) = (top + bar * i as f64, top + bar * (i as f64 + 0.5));
+                canvas.bar((x.at(0.0), y), (x.at(value), y + bar - 1.0), colour, i == 1)?;
+                canvas.line((x.at(interval.low), middle), (x.at(interval.high), middle), INK, 1.5)?;
+                for end in [interval.low, interval.high] {
+                    canvas.line((x.at(end), middle - bar / 3.0), (x.at(end), middle + bar / 3.0), INK, 1.5)?;
+                }
+                let right = x.at(interval.high.max(value).max(0.0)) + 8.0;
+                canvas.words(&format!("{value:.2}"), (right, middle), bar.min(12.0) + 1.0, Anchor::Left)?;
+            }
+            top += 2.0 * bar + space;
+        }
+        canvas.line((x.at(0.0), BARS_TOP - 10.0), (x.at(0.0), bottom), INK, 1.0)
+    }
+}
+
+/// Errors of each material on a line of its own.
+struct Strips<'a> {
+    title: String,
+    methods: Vec<&'a str>,
+    /// Name, and (method, error) of its rows; the largest errors first.
+    materials: Vec<(&'a str, Vec<(usize, f64)>)>,
+}
+
+impl<'a> Strips<'a> {
+    fn of(record: &'a BenchmarkRecord) -> Self {
+        let subject = tables::subject(record);
+        let methods = methods(&record.predictions);
+        let errors = |material: &str| -> Vec<(usize, f64)> {
+            let rows = record.predictions.iter().filter(|p| p.material == material);
+            rows.filter_map(|p| Some((methods.iter().position(|m| *m == p.method)?, p.predicted.get(subject)? - p.mos)))
+                .collect()
+        };
+        let materials: Vec<(&str, Vec<(usize, f64)>)> = record
+            .residuals
+            .iter()
+            .take(MOST_MATERIALS)
+            .map(|r| (r.material.as_str(), errors(&r.material)))
+            .filter(|(_, errors)| !errors.is_empty())
+            .collect();
+        let words = format!("Largest errors: {} of {} materials", materials.len(), record.residuals.len());
+        Self { title: title(&words, record), methods, materials }
+    }
+}
+
+const STRIP: f64 = 22.0;
+const STRIPS_TOP: f64 = 76.0;
+
+impl Picture for Strips<'_> {
+    fn size(&self) -> (u32, u32) {
+        let legend = 26.0 * self.methods.len() as f64;
+        let bottom = STRIPS_TOP + (STRIP * self.materials.len() as f64).max(legend);
+        (WIDTH, (bottom + 60.0).ceil() as u32)
+    }
+
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let errors = self.materials.iter().flat_map(|m| &m.1);
+        let reach = (errors.fold(1.0f64, |a, e| a.max(e.1.abs())) * 2.0).ceil() / 2.0;
+        let widths: Vec<f64> = self.materials.iter().map(|m| marks::width(m.0, TEXT)).collect::<Result<_, _>>()?;
+        let margin = widths.iter().fold(40.0f64, |a, &b| a.max(b)) + 36.0;
+        let x = Axis { data: (-reach, reach), pixels: (margin.min(360.0), 690.0) };
+        let bottom = STRIPS_TOP + STRIP * self.materials.len() as f64;
+        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        canvas.words("predicted minus rated MOS", (x.at(0.0), bottom + 42.0), TEXT, Anchor::Middle)?;
+        for tick in x.ticks(if reach > 2.0 { 1.0 } else { 0.5 }) {
+            let colour = if tick == 0.0 { INK } else { FAINT };
+            canvas.line((x.at(tick), STRIPS_TOP - 16.0), (x.at(tick), bottom), colour, 1.0)?;
+            canvas.words(&format!("{tick}"), (x.at(tick), bottom + 16.0), TEXT, Anchor::Middle)?;
+        }
+        for (i, (material, errors)) in self.materials.iter().enumerate() {
+            let y = STRIPS_TOP + STRIP * i as f64;
+            canvas.words(material, (x.pixels.0 - 12.0, y), TEXT, Anchor::Right)?;
+            canvas.line((x.pixels.0, y), (x.pixels.1, y), FAINT, 1.0)?;
+            for &(method, error) in errors {
+                canvas.mark(method, (x.at(error), y), 5.0)?;
+            }
+        }
+        legend(canvas, &self.methods, 716.0, STRIPS_TOP)
+    }
+}

@@ -1,0 +1,80 @@
+//! A folder for results: found unwritable before the work, and never left with half a file.
+
+use super::ReportError;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A folder that could be written to when it was created.
+#[derive(Debug, Clone)]
+pub struct OutputFolder {
+    path: PathBuf,
+}
+
+impl OutputFolder {
+    /// Creates the folder where it is missing and tries a file in it; what it already holds is left alone.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self, ReportError> {
+        let path = path.into();
+        let probe = path.join(format!(".vernis-probe-{}", std::process::id()));
+        fs::create_dir_all(&path)
+            .and_then(|()| fs::write(&probe, b"vernis"))
+            .and_then(|()| fs::remove_file(&probe))
+            .map_err(|source| ReportError::Unwritable { path: path.clone(), source })?;
+        Ok(Self { path })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the file called `name` and returns its path. The bytes go to a temporary file that then takes the
+    /// name, so that a reader, or a crash, meets the old file or the new one and never a part.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
+        let path = self.path.join(name);
+        let partial = self.path.join(format!(".{name}.{}.partial", std::process::id()));
+        let written = fs::File::create(&partial)
+            .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+            .and_then(|()| fs::rename(&partial, &path));
+        written.map_err(|source| {
+            // The first error is the one to report, whether or not the rest can be cleared away.
+            let _ = fs::remove_file(&partial);
+            ReportError::Write { path: path.clone(), source }
+        })?;
+        Ok(path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn writes_whole_files_and_leaves_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = OutputFolder::create(dir.path().join("a/b")).unwrap();
+        folder.write("x.txt", b"one").unwrap();
+        let path = folder.write("x.txt", b"two").unwrap();
+        assert_eq!(fs::read(path).unwrap(), b"two");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_path_through_a_file_is_found_unwritable_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("file"), b"").unwrap();
+        let error = OutputFolder::create(dir.path().join("file/results")).unwrap_err().to_string();
+        assert!(error.contains("file/results: cannot write there"), "{error}");
+    }
+
+    #[test]
+    fn a_failed_write_keeps_the_old_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = OutputFolder::create(dir.path()).unwrap();
+        // A folder that holds something cannot be replaced by a file.
+        fs::create_dir(dir.path().join("taken")).unwrap();
+        fs::write(dir.path().join("taken/old"), b"old").unwrap();
+        assert!(matches!(folder.write("taken", b"new"), Err(ReportError::Write { .. })));
+        assert_eq!(fs::read(dir.path().join("taken/old")).unwrap(), b"old");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,102 @@
+//! The records of a benchmark as CSV, every figure with all its digits; names of splits and figures as in the JSON.
+
+use super::ReportError;
+use crate::evaluation::agreement::Figure;
+use crate::evaluation::records::{BenchmarkRecord, Judgement};
+use serde::Serialize;
+
+/// File names and contents: `metrics.csv`, `ablation.csv`, `differences.csv`, `residuals.csv`, `predictions.csv`.
+pub fn all(record: &BenchmarkRecord) -> Result<Vec<(&'static str, Vec<u8>)>, ReportError> {
+    Ok(vec![
+        ("metrics.csv", metrics(record)?),
+        ("ablation.csv", ablation(record)?),
+        ("differences.csv", differences(record)?),
+        ("residuals.csv", residuals(record)?),
+        ("predictions.csv", predictions(record)?),
+    ])
+}
+
+/// One row a metric, split, set of rows and figure.
+fn metrics(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
+    let header = ["metric", "kind", "split", "row_set", "rows", "figure", "value", "low", "high"];
+    let rows = record.metrics.iter().flat_map(|metric| {
+        let judgements = metric.judgements.iter().flat_map(figures);
+        judgements.map(move |figure| (&metric.name, metric.kind, figure))
+    });
+    write("metrics.csv", &header, rows)
+}
+
+fn ablation(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
+    let header = ["descriptors", "columns", "split", "row_set", "rows", "figure", "value", "low", "high"];
+    let rows = record.ablation.iter().flat_map(|found| {
+        let judgements = found.judgements.iter().flat_map(figures);
+        judgements.map(move |figure| (&found.name, found.columns, figure))
+    });
+    write("ablation.csv", &header, rows)
+}
+
+/// Split, set of rows, number of rows, figure, value, low, high.
+fn figures(judgement: &Judgement) -> impl Iterator<Item = impl Serialize> {
+    Figure::ALL.iter().filter_map(|&figure| {
+        let (value, interval) = (judgement.agreement.get(figure)?, judgement.intervals.get(figure)?);
+        Some((judgement.split, judgement.row_set, judgement.rows, figure, value, interval.low, interval.high))
+    })
+}
+
+fn differences(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
+    let header = [
+        "a",
+        "b",
+        "figure",
+        "split",
+        "row_set",
+        "difference",
+        "low",
+        "high",
+        "p",
+        "holm_p",
+        "zou_low",
+        "zou_high",
+        "steiger_p",
+    ];
+    let rows = record.differences.iter().map(|d| {
+        let (paired, check) = (d.paired, d.cross_check);
+        (
+            (&d.a, &d.b, d.figure, d.split, d.row_set),
+            (paired.difference, paired.interval.low, paired.interval.high, paired.p, d.holm_p),
+            (check.map(|c| c.zou.low), check.map(|c| c.zou.high), check.map(|c| c.steiger_p)),
+        )
+    });
+    write("differences.csv", &header, rows)
+}
+
+fn residuals(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
+    let header = ["material", "rows", "bias", "rms", "worst_method", "worst_error"];
+    let rows = record.residuals.iter().map(|r| (&r.material, r.rows, r.bias, r.rms, &r.worst_method, r.worst_error));
+    write("residuals.csv", &header, rows)
+}
+
+/// One row a rated pair, one column a metric of the headline.
+fn predictions(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
+    let mut header = vec!["material", "group", "method", "method_family", "mos"];
+    header.extend(record.headline.iter().map(String::as_str));
+    let rows = record.predictions.iter().map(|row| {
+        let predicted: Vec<Option<f64>> = record.headline.iter().map(|m| row.predicted.get(m).copied()).collect();
+        (&row.material, &row.group, &row.method, &row.method_family, row.mos, predicted)
+    });
+    write("predictions.csv", &header, rows)
+}
+
+fn write(
+    what: &'static str,
+    header: &[&str],
+    rows: impl Iterator<Item = impl Serialize>,
+) -> Result<Vec<u8>, ReportError> {
+    let failed = |reason: String| ReportError::Format { what, reason };
+    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+    writer.write_record(header).map_err(|e| failed(e.to_string()))?;
+    for row in rows {
+        writer.serialize(row).map_err(|e| failed(e.to_string()))?;
+    }
+    writer.into_inner().map_err(|e| failed(e.to_string()))
+}

@@ -1,0 +1,271 @@
+//! Tables of a benchmark, and their three forms: aligned text, Markdown, HTML.
+
+use crate::evaluation::agreement::Figure;
+use crate::evaluation::bootstrap::{Difference, Interval};
+use crate::evaluation::records::{AblationRecord, BenchmarkRecord, Judgement, MetricRecord, RowSet, Split};
+use std::fmt::Write;
+
+/// A table of words; the first column is a label, the others are numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// What the rows are, and over what.
+    pub title: String,
+    pub columns: Vec<String>,
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn new(title: impl Into<String>, columns: &[&str]) -> Self {
+        Self { title: title.into(), columns: columns.iter().map(|c| (*c).to_owned()).collect(), rows: Vec::new() }
+    }
+
+    /// Columns padded to their widest cell, for a terminal.
+    pub fn to_text(&self) -> String {
+        let lines = || std::iter::once(&self.columns).chain(&self.rows);
+        let widths: Vec<usize> = (0..self.columns.len())
+            .map(|c| lines().filter_map(|line| line.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0))
+            .collect();
+        let mut text = format!("{}\n", self.title);
+        for line in lines() {
+            let cells =
+                line.iter().zip(&widths).enumerate().map(|(c, (cell, &width))| {
+                    if c == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+                });
+            text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
+            text.push('\n');
+        }
+        text
+    }
+
+    pub fn to_markdown(&self) -> String {
+        let line = |cells: &[String]| {
+            let cells: Vec<String> = cells.iter().map(|c| c.replace('|', "\\|")).collect();
+            format!("| {} |\n", cells.join(" | "))
+        };
+        let rule = vec![":---".to_owned(); 1].into_iter().chain(self.columns.iter().skip(1).map(|_| "---:".to_owned()));
+        let rule = format!("| {} |\n", rule.collect::<Vec<_>>().join(" | "));
+        let rows: String = self.rows.iter().map(|row| line(row)).collect();
+        format!("**{}**\n\n{}{rule}{rows}", self.title, line(&self.columns))
+    }
+
+    pub fn to_html(&self) -> String {
+        let mut html = String::from("<div class=\"table\"><table>");
+        // Writing to a String cannot fail.
+        let _ = write!(html, "<caption>{}</caption><thead><tr>", escape(&self.title));
+        for column in &self.columns {
+            let _ = write!(html, "<th scope=\"col\">{}</th>", escape(column));
+        }
+        html.push_str("</tr></thead><tbody>");
+        for row in &self.rows {
+            html.push_str("<tr>");
+            for (c, cell) in row.iter().enumerate() {
+                let cell = escape(cell);
+                let _ = if c == 0 {
+                    write!(html, "<th scope=\"row\">{cell}</th>")
+                } else {
+                    write!(html, "<td>{cell}</td>")
+                };
+            }
+            html.push_str("</tr>\n");
+        }
+        html.push_str("</tbody></table></div>\n");
+        html
+    }
+}
+
+/// Text that is safe inside HTML elements and attributes.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+const NONE: &str = "-";
+
+/// Agreement of the metrics of the headline, as the last lines of a run show it.
+pub fn headline(record: &BenchmarkRecord) -> Table {
+    metrics_table(
+        record,
+        &record.headline_metrics(),
+        format!(
+            "Agreement with {} ratings, unseen material [95 % interval by material]",
+            if record.synthetic { "SYNTHETIC" } else { "human" }
+        ),
+    )
+}
+
+/// Agreement of every metric.
+pub fn all_metrics(record: &BenchmarkRecord) -> Table {
+    metrics_table(record, &record.metrics.iter().collect::<Vec<_>>(), "All metrics".to_owned())
+}
+
+fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: String) -> Table {
+    let aside = format!("without {}", record.set_aside.join(", "));
+    let mut columns = vec!["metric", "PLCC", "SROCC", "KROCC", "RMSE", "within material", "raw PLCC"];
+    let with_aside = !record.set_aside.is_empty();
+    if with_aside {
+        columns.push(&aside);
+    }
+    columns.extend(["unseen method", "in sample"]);
+    let mut table = Table::new(title, &columns);
+    for metric in metrics {
+        let at = |split, row_set| metric.judgement(split, row_set);
+        let main = at(Split::UnseenMaterial, RowSet::All);
+        let mut row = vec![
+            metric.name.clone(),
+            with_interval(main, Figure::Plcc),
+            with_interval(main, Figure::Srocc),
+            value(main, Figure::Krocc),
+            value(main, Figure::Rmse),
+            value(main, Figure::WithinMaterialSrocc),
+            value(main, Figure::PlccRaw),
+        ];
+        if with_aside {
+            row.push(pair(at(Split::UnseenMaterial, RowSet::WithoutSetAside)));
+        }
+        row.push(pair(at(Split::UnseenMaterialAndMethod, RowSet::All)));
+        row.push(pair(at(Split::InSample, RowSet::All)));
+        table.rows.push(row);
+    }
+    table
+}
+
+/// Paired differences, unseen material, all rows.
+pub fn differences(record: &BenchmarkRecord) -> Table {
+    let mut table = Table::new(
+        "Paired differences on the same resamples of materials, p corrected by Holm",
+        &["a - b", "figure", "rows", "difference", "95 % interval", "p", "Zou interval"],
+    );
+    for found in &record.differences {
+        let rows = match found.row_set {
+            RowSet::All => found.split.label().to_owned(),
+            RowSet::WithoutSetAside => format!("{}, without {}", found.split.label(), record.set_aside.join(", ")),
+        };
+        table.rows.push(vec![
+            format!("{} - {}", found.a, found.b),
+            label(found.figure).to_owned(),
+            rows,
+            signed(found.paired.difference),
+            interval(found.paired.interval, signed),
+            probability(found.holm_p),
+            found.cross_check.map_or(NONE.to_owned(), |check| interval(check.zou, signed)),
+        ]);
+    }
+    table
+}
+
+/// The metric retrained on other sets of descriptors.
+pub fn ablation(record: &BenchmarkRecord) -> Table {
+    let mut table = Table::new(
+        "Ablation: the metric retrained with other descriptors, unseen material (change against the full metric)",
+        &["descriptors", "number", "PLCC", "change", "SROCC", "change", "within material", "unseen method"],
+    );
+    for found in &record.ablation {
+        let at = |split| AblationRecord::judgement(found, split, RowSet::All);
+        let main = at(Split::UnseenMaterial);
+        table.rows.push(vec![
+            found.name.clone(),
+            found.columns.to_string(),
+            value(main, Figure::Plcc),
+            change(found.plcc_change),
+            value(main, Figure::Srocc),
+            change(found.srocc_change),
+            value(main, Figure::WithinMaterialSrocc),
+            pair(at(Split::UnseenMaterialAndMethod)),
+        ]);
+    }
+    table
+}
+
+/// The `most` materials with the largest errors.
+pub fn residuals(record: &BenchmarkRecord, most: usize) -> Table {
+    let mut table = Table::new(
+        format!("Materials with the largest errors of {}, predicted minus rated, in MOS", subject(record)),
+        &["material", "rows", "root mean square", "mean", "worst method", "its error"],
+    );
+    for found in record.residuals.iter().take(most) {
+        table.rows.push(vec![
+            found.material.clone(),
+            found.rows.to_string(),
+            format!("{:.2}", found.rms),
+            format!("{:+.2}", found.bias),
+            found.worst_method.clone(),
+            format!("{:+.2}", found.worst_error),
+        ]);
+    }
+    table
+}
+
+/// The metric that the run is about.
+pub(super) fn subject(record: &BenchmarkRecord) -> &str {
+    record.headline.first().map_or("the metric", String::as_str)
+}
+
+/// How tables and axes call a figure.
+pub(super) fn label(figure: Figure) -> &'static str {
+    match figure {
+        Figure::PlccRaw => "raw PLCC",
+        Figure::Plcc => "PLCC",
+        Figure::Srocc => "SROCC",
+        Figure::Krocc => "KROCC",
+        Figure::Rmse => "RMSE",
+        Figure::WithinMaterialSrocc => "within-material SROCC",
+    }
+}
+
+fn plain(x: f64) -> String {
+    format!("{x:.3}")
+}
+
+fn signed(x: f64) -> String {
+    format!("{x:+.3}")
+}
+
+fn interval(interval: Interval, number: fn(f64) -> String) -> String {
+    format!("[{}, {}]", number(interval.low), number(interval.high))
+}
+
+fn probability(p: f64) -> String {
+    if p < 0.001 { "<0.001".to_owned() } else { plain(p) }
+}
+
+fn change(difference: Option<Difference>) -> String {
+    difference.map_or(NONE.to_owned(), |d| format!("{} {}", signed(d.difference), interval(d.interval, signed)))
+}
+
+fn value(judgement: Option<&Judgement>, figure: Figure) -> String {
+    judgement.and_then(|j| j.agreement.get(figure)).map_or(NONE.to_owned(), plain)
+}
+
+fn with_interval(judgement: Option<&Judgement>, figure: Figure) -> String {
+    let found = judgement.and_then(|j| Some((j.agreement.get(figure)?, j.intervals.get(figure)?)));
+    found.map_or(NONE.to_owned(), |(value, range)| format!("{} {}", plain(value), interval(range, plain)))
+}
+
+/// PLCC and SROCC.
+fn pair(judgement: Option<&Judgement>) -> String {
+    judgement.map_or(NONE.to_owned(), |j| format!("{} / {}", plain(j.agreement.plcc), plain(j.agreement.srocc)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let mut table = Table::new("Title", &["name", "x"]);
+        table.rows = vec![vec!["a|<b>".into(), "1".into()], vec!["long name".into(), "22".into()]];
+        table
+    }
+
+    #[test]
+    fn text_is_aligned() {
+        assert_eq!(table().to_text(), "Title\nname        x\na|<b>       1\nlong name  22\n");
+    }
+
+    #[test]
+    fn markdown_and_html_escape_what_they_must() {
+        assert_eq!(
+            table().to_markdown(),
+            "**Title**\n\n| name | x |\n| :--- | ---: |\n| a\\|<b> | 1 |\n| long name | 22 |\n"
+        );
+        assert!(table().to_html().contains("<th scope=\"row\">a|&lt;b&gt;</th><td>1</td>"));
+    }
+}

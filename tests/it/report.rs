@@ -1,0 +1,234 @@
+//! Records become files: complete, self-contained, the same bytes every time.
+
+use ndarray::Array2;
+use rand::Rng;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::LazyLock;
+use vernis::dataset::samples::{Column, Role, Row, Samples};
+use vernis::dataset::split::{grouped_folds, method_and_group_folds};
+use vernis::evaluation::agreement::Figure;
+use vernis::evaluation::benchmark::{JudgedMetric, Jury, prediction_records, residuals_by_material};
+use vernis::evaluation::bootstrap::Interval;
+use vernis::evaluation::calibration::Calibration;
+use vernis::evaluation::cross_validation::{cross_validate_distance, in_sample};
+use vernis::evaluation::records::{BenchmarkRecord, MetricKind, Split};
+use vernis::math::seed;
+use vernis::report::{OutputFolder, ReportError, write_benchmark};
+
+const METHODS: [&str; 6] = ["ABC", "BAGHER", "BLINN-PHONG", "LAFORTUNE", "SGD", "WARD"];
+
+/// Made-up ratings of 60 materials and distances that follow them, from well to badly.
+fn samples(columns: &[(String, f64)]) -> Samples {
+    let mut rng = seed::stream(21, "report test", 0);
+    let (mut rows, mut values) = (Vec::new(), Vec::new());
+    for m in 0..60 {
+        for (k, method) in METHODS.iter().enumerate() {
+            let distance: f64 = rng.random_range(0.0..1.0) * (1.0 - 0.1 * k as f64);
+            let mos = 1.0 + 3.8 / (1.0 + (7.0 * (distance - 0.4)).exp()) + rng.random_range(-0.25..0.25);
+            rows.push(Row {
+                material: format!("color-changing-paint{m}"),
+                group: format!("group-{}", m / 2),
+                method: (*method).into(),
+                method_family: (*method).into(),
+                material_type: None,
+                mos: mos.clamp(1.0, 5.0),
+                weight: 1.0,
+            });
+            values.extend(columns.iter().map(|(_, noise)| distance + rng.random_range(-noise..*noise)));
+        }
+    }
+    let column =
+        |(name, _): &(String, f64)| Column { name: name.clone(), family: "made-up".into(), role: Role::Difference };
+    let features = Array2::from_shape_vec((rows.len(), columns.len()), values).unwrap();
+    Samples::new(columns.iter().map(column).collect(), rows, features).unwrap()
+}
+
+fn columns() -> Vec<(String, f64)> {
+    let mut columns = vec![("vernis".to_owned(), 0.1), ("nested best of 36 Lp".to_owned(), 0.4)];
+    columns.push(("mean of the method & <type>".to_owned(), 1.5));
+    for d in 1..=9 {
+        for (v, variant) in ["", ".Cl", ".CR", ".Cl.CR"].iter().enumerate() {
+            columns.push((format!("D{d}{variant}"), 0.9 - 0.05 * d as f64 - 0.1 * v as f64));
+        }
+    }
+    columns
+}
+
+fn record(synthetic: bool) -> BenchmarkRecord {
+    static RECORD: LazyLock<BenchmarkRecord> = LazyLock::new(make_record);
+    BenchmarkRecord { synthetic, ..RECORD.clone() }
+}
+
+fn make_record() -> BenchmarkRecord {
+    let columns = columns();
+    let samples = samples(&columns);
+    let (folds, methods) = (grouped_folds(&samples, 5, 1).unwrap(), method_and_group_folds(&samples, 5, 1).unwrap());
+    let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", 60, 1).unwrap();
+    let judge = |name: &str| {
+        let material = cross_validate_distance(&samples, &folds, name).unwrap();
+        let method = cross_validate_distance(&samples, &methods, name).unwrap();
+        let mut judged = jury.judge(name, Split::UnseenMaterial, &material.predictions).unwrap();
+        judged.extend(jury.judge(name, Split::UnseenMaterialAndMethod, &method.predictions).unwrap());
+        judged.extend(jury.judge(name, Split::InSample, &in_sample(&samples, name).unwrap()).unwrap());
+        let kind = match name {
+            "vernis" => MetricKind::Learned,
+            name if name.starts_with('D') => MetricKind::Lp,
+            name if name.starts_with("nested") => MetricKind::NestedBestLp,
+            _ => MetricKind::Trivial,
+        };
+        let note = if kind == MetricKind::Lp { String::new() } else { format!("{name}, made up") };
+        JudgedMetric { name: name.to_owned(), kind, note, judged, folds: material.folds }
+    };
+    let metrics: Vec<JudgedMetric> = columns.iter().map(|(name, _)| judge(name)).collect();
+    let headline = ["vernis", "nested best of 36 Lp", "D9.Cl", "D1.Cl.CR", "mean of the method & <type>"];
+    let pairs: Vec<(&str, &str)> = headline[1..].iter().map(|b| ("vernis", *b)).collect();
+    let subject = cross_validate_distance(&samples, &folds, "vernis").unwrap().predictions;
+    let intervals: Vec<Interval> = subject.mos.iter().map(|m| Interval { low: m - 0.3, high: m + 0.3 }).collect();
+    let mos: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
+    BenchmarkRecord {
+        study: "made-up".into(),
+        synthetic: false,
+        rows: samples.len(),
+        materials: 60,
+        groups: 30,
+        folds: 5,
+        resamples: 60,
+        seed: 1,
+        command: "vernis train --study made-up --seed 1".into(),
+        versions: BTreeMap::from([("vernis".to_owned(), "0.1.0".to_owned())]),
+        data_hashes: BTreeMap::from([("ratings.csv".to_owned(), "00ff".repeat(16))]),
+        set_aside: vec!["BAGHER".into()],
+        headline: headline.iter().map(|s| (*s).to_owned()).collect(),
+        metrics: metrics.iter().map(JudgedMetric::record).collect(),
+        differences: jury.differences(&metrics, &pairs, &[Figure::Plcc, Figure::Srocc]).unwrap(),
+        ablation: vec![
+            jury.ablation("without lights", 24, &metrics[0], &metrics[1].judged),
+            jury.ablation("only angular", 14, &metrics[0], &metrics[2].judged),
+        ],
+        residuals: residuals_by_material(samples.rows(), &subject),
+        calibration: Some(Calibration::of(&mos, &intervals, 0.95).unwrap()),
+        predictions: prediction_records(samples.rows(), &[("vernis", &subject)]),
+        did_not_help: vec!["Colour ratios < one by one: they are noise.".into()],
+    }
+}
+
+fn read(folder: &OutputFolder, name: &str) -> String {
+    fs::read_to_string(folder.path().join(name)).unwrap()
+}
+
+fn report(path: impl AsRef<Path>, record: &BenchmarkRecord) -> OutputFolder {
+    let folder = OutputFolder::create(path.as_ref()).unwrap();
+    let page = write_benchmark(&folder, record).unwrap();
+    assert_eq!(page, folder.path().join("report.html"));
+    folder
+}
+
+#[test]
+fn every_file_is_written_the_same_each_time() {
+    let record = record(false);
+    // Kept after the test, to be looked at.
+    let kept = report(Path::new(env!("CARGO_TARGET_TMPDIR")).join("report"), &record);
+    let dir = tempfile::tempdir().unwrap();
+    let again = report(dir.path(), &record);
+    let mut names: Vec<String> =
+        fs::read_dir(again.path()).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    for name in &names {
+        let bytes = |folder: &OutputFolder| fs::read(folder.path().join(name)).unwrap();
+        assert!(bytes(&kept) == bytes(&again), "{name} differs between two runs");
+    }
+    for expected in ["report.html", "report.md", "benchmark.json", "metrics.csv", "predictions.csv"] {
+        assert!(names.iter().any(|n| n == expected), "{expected} is missing among {names:?}");
+    }
+    let json: BenchmarkRecord = serde_json::from_str(&read(&again, "benchmark.json")).unwrap();
+    assert_eq!(json, record);
+}
+
+#[test]
+fn tables_hold_every_figure() {
+    let record = record(false);
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record);
+    let lines = |name: &str| read(&folder, name).lines().count() - 1;
+    // 39 metrics, 3 splits, 2 sets of rows, 6 figures.
+    assert_eq!(lines("metrics.csv"), 39 * 3 * 2 * 6);
+    // 4 pairs, 3 splits, 2 sets of rows, 2 figures.
+    assert_eq!(lines("differences.csv"), 4 * 3 * 2 * 2);
+    assert_eq!((lines("predictions.csv"), lines("residuals.csv")), (360, 60));
+    let metrics = read(&folder, "metrics.csv");
+    let plcc = record.metrics[0].judgements[0].agreement.plcc;
+    assert!(metrics.contains(&format!("vernis,learned,unseen-material,all,360,plcc,{plcc},")), "{metrics}");
+}
+
+#[test]
+fn the_page_needs_no_network_and_escapes_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record(false));
+    let html = read(&folder, "report.html");
+    for forbidden in ["src=", "href=", "url(", "@import", "<script", "<type>"] {
+        assert!(!html.contains(forbidden), "{forbidden}");
+    }
+    assert!(html.contains("mean of the method &amp; &lt;type&gt;"));
+    assert!(html.contains("vernis train --study made-up --seed 1") && html.contains(&"00ff".repeat(16)));
+    assert!(!html.contains("SYNTHETIC"));
+}
+
+#[test]
+fn synthetic_observers_are_named_everywhere() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record(true));
+    for name in ["report.html", "report.md"] {
+        let text = read(&folder, name);
+        assert!(text.matches("SYNTHETIC observers").count() >= 2, "{name}");
+    }
+    #[cfg(feature = "train")]
+    for name in ["scatter.svg", "agreement.svg", "lp.svg", "ablation.svg", "residuals.svg"] {
+        let svg = read(&folder, name);
+        assert!(svg.contains("(SYNTHETIC observers)"), "{name}");
+    }
+}
+
+#[cfg(feature = "train")]
+#[test]
+fn pictures_have_content_on_both_back_ends() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record(false));
+    for name in ["scatter", "agreement", "lp", "ablation", "residuals"] {
+        let picture = image::open(folder.path().join(format!("{name}.png"))).unwrap().to_rgb8();
+        let inked = picture.pixels().filter(|p| p.0 != [255; 3]).count();
+        assert!(inked > 10_000, "{name}: {inked} pixels");
+        let svg = read(&folder, &format!("{name}.svg"));
+        assert!(svg.contains("<text") && svg.trim_end().ends_with("</svg>"), "{name}");
+    }
+    // A mark a rated pair: six shapes, of which one is a circle.
+    let scatter = read(&folder, "scatter.svg");
+    assert_eq!(scatter.matches("<circle").count() + scatter.matches("<polygon").count(), 360 + METHODS.len());
+}
+
+#[test]
+fn an_empty_benchmark_still_has_a_page() {
+    let record = BenchmarkRecord {
+        headline: vec![],
+        metrics: vec![],
+        differences: vec![],
+        ablation: vec![],
+        residuals: vec![],
+        calibration: None,
+        predictions: vec![],
+        ..record(false)
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record);
+    assert!(!read(&folder, "report.html").contains("<figure>"));
+}
+
+#[test]
+fn an_unwritable_folder_is_found_before_the_work() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("taken"), b"results of yesterday").unwrap();
+    let error = OutputFolder::create(dir.path().join("taken")).unwrap_err();
+    assert!(matches!(error, ReportError::Unwritable { .. }), "{error}");
+    assert_eq!(fs::read(dir.path().join("taken")).unwrap(), b"results of yesterday");
+}

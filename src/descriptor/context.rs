@@ -3,10 +3,10 @@
 //! * `cx.0n cx.2n cx.5n cx.7n`: mean ln(Y + .001) over the regions of [`super::angular`];
 //! * `cxalb cxalb60`: ln(luminance albedo + .001) seen from 0 and 60 deg;
 //! * `cxwid.2 .10 .100`: ln(theta_h + .3), theta_h in degrees, where the profile has fallen to 1/2, 1/10, 1/100 of its value
-//!   at theta_h = 0; ln 90 where it never does. The profile P(theta_h) is the mean of Y over theta_d < 30 deg with weight
-//!   dtheta_d (sin theta_d cos theta_d + .0001);
+//!   at theta_h = 0; ln 90 where it never does. The profile is the mean of Y over the nodes with theta_d < 30 deg;
 //! * `cxexc`: ln(pi sum dtheta_h sin theta_h cos theta_h (P - F)^+ + .0001), the energy of the highlight above the diffuse
-//!   floor F, the 30th percentile of P over the nodes of theta_h.
+//!   floor. P is the profile with weight dtheta_d (sin theta_d cos theta_d + .0001), F its 30th percentile over the
+//!   nodes of theta_h.
 //!
 //! Y is the luminance of the BRDF, 1/sr. Only sampled nodes count. Cost: a pass over the table.
 
@@ -29,12 +29,8 @@ const FLOOR: f64 = 1e-3;
 const DIFFUSE_PERCENTILE: f64 = 0.3;
 const ENERGY_FLOOR: f64 = 1e-4;
 
-/// The profile as (theta_h in degrees, P), at every theta_h with a sampled node.
-fn profile(table: &NodeTable) -> Vec<(f64, f64)> {
-    let weight = |j: usize| {
-        let (sin_d, cos_d) = theta_d(j).to_radians().sin_cos();
-        spacing(theta_d, j, THETA_D) * (sin_d * cos_d + RETRO_FLOOR)
-    };
+/// Mean of Y over theta_d < 30 deg, weighted by `weight(j)`, at every theta_h (degrees) with a sampled node.
+fn profile(table: &NodeTable, weight: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
     let mut profile = Vec::new();
     for i in 0..THETA_H {
         let (mut sum, mut total) = (0.0, 0.0);
@@ -68,10 +64,14 @@ pub fn context(table: &NodeTable, logs: &AngularProfile, albedo: [f64; 2]) -> Co
         let region = angular::region(name);
         *value = region.and_then(|r| angular::mean_log_luminance(table, logs, r)).unwrap_or(FLOOR.ln());
     }
-    let profile = profile(table);
+    let by_node = profile(table, |_| 1.0);
+    let by_measure = profile(table, |j| {
+        let (sin_d, cos_d) = theta_d(j).to_radians().sin_cos();
+        spacing(theta_d, j, THETA_D) * (sin_d * cos_d + RETRO_FLOOR)
+    });
     (0..2).for_each(|k| out[4 + k] = (albedo[k] + FLOOR).ln());
-    (0..3).for_each(|k| out[6 + k] = width(&profile, FALLS[k]));
-    out[9] = excess(&profile);
+    (0..3).for_each(|k| out[6 + k] = width(&by_node, FALLS[k]));
+    out[9] = excess(&by_measure);
     out
 }
 

@@ -4,6 +4,7 @@ use super::angular::AngularProfile;
 use super::context::{Context, context};
 use super::node_table::NodeTable;
 use super::picture::Picture;
+use super::wasserstein::ValueQuantiles;
 use super::{DescriptorError, Setup};
 use crate::brdf::Brdf;
 use crate::math::Rgb;
@@ -26,6 +27,7 @@ pub struct BrdfFeatures {
     pub(super) pictures: Vec<Picture>,
     pub(super) angular: AngularProfile,
     pub(super) context: Context,
+    pub(super) quantiles: ValueQuantiles,
 }
 
 impl BrdfFeatures {
@@ -49,7 +51,8 @@ impl BrdfFeatures {
         let pictures = stored.pictures.iter().map(picture).collect();
         let angular = AngularProfile::new(&stored.table);
         let context = context(&stored.table, &angular, stored.albedo);
-        Self { stored, pictures, angular, context }
+        let quantiles = ValueQuantiles::new(&stored.table);
+        Self { stored, pictures, angular, context, quantiles }
     }
 
     /// The samples of the BRDF.
@@ -60,6 +63,11 @@ impl BrdfFeatures {
     /// The samples and their logarithms, as [`super::angular::ratios`] takes them.
     pub fn angular_parts(&self) -> (&NodeTable, &AngularProfile) {
         (&self.stored.table, &self.angular)
+    }
+
+    /// What kind of material it is, in the order of [`super::context::NAMES`].
+    pub fn context(&self) -> Context {
+        self.context
     }
 
     /// Radiance of the pixels under light `light` (the last is the slot), linear RGB.

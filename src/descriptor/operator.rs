@@ -78,25 +78,7 @@ impl Operator {
     pub fn build(pixels: &[Vec<Vec3>], lights: &[Light]) -> Self {
         let cells = cells(lights);
         let channels = 3 * lights.len();
-        let rows: Vec<(Vec<u16>, Vec<f32>)> = pixels
-            .par_iter()
-            .map_init(
-                || vec![0.0f64; NODES * channels],
-                |dense, normals| {
-                    dense.fill(0.0);
-                    let share = 1.0 / normals.len() as f64;
-                    normals.iter().for_each(|&n| scatter(n, share, &cells, dense));
-                    let mut row = (vec![], vec![]);
-                    for (node, w) in dense.chunks_exact(channels).enumerate() {
-                        if w.iter().any(|w| *w > 0.0) {
-                            row.0.push(node as u16);
-                            row.1.extend(w.iter().map(|w| *w as f32));
-                        }
-                    }
-                    row
-                },
-            )
-            .collect();
+        let rows = rows(pixels, &cells, channels);
         let mut operator = Self { lights: lights.len(), start: vec![0], node: vec![], weight: vec![] };
         for (node, weight) in rows {
             operator.node.extend(node);
@@ -139,6 +121,45 @@ impl Operator {
             .map(|l| rows.iter().map(|row| [row[3 * l], row[3 * l + 1], row[3 * l + 2]]).collect())
             .collect()
     }
+}
+
+/// Nodes and weights of one row.
+type Row = (Vec<u16>, Vec<f32>);
+
+/// The rows of all pixels, in order.
+///
+/// On threads of its own: a pool that steals work could come back to the lock that waits for these rows.
+fn rows(pixels: &[Vec<Vec3>], cells: &[Cell], channels: usize) -> Vec<Row> {
+    let threads = rayon::current_num_threads().clamp(1, pixels.len().max(1));
+    let every = |first: usize| -> Vec<Row> {
+        let mut dense = vec![0.0f64; NODES * channels];
+        pixels.iter().skip(first).step_by(threads).map(|normals| row(normals, cells, channels, &mut dense)).collect()
+    };
+    let mut parts: Vec<std::vec::IntoIter<Row>> = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..threads).map(|first| scope.spawn(move || every(first))).collect();
+        let own = every(0);
+        // A panic there is a defect here, and goes on as one.
+        let join = |handle: std::thread::ScopedJoinHandle<'_, Vec<Row>>| match handle.join() {
+            Ok(rows) => rows,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        std::iter::once(own).chain(others.into_iter().map(join)).map(Vec::into_iter).collect()
+    });
+    (0..pixels.len()).filter_map(|p| parts[p % threads].next()).collect()
+}
+
+fn row(normals: &[Vec3], cells: &[Cell], channels: usize, dense: &mut [f64]) -> Row {
+    dense.fill(0.0);
+    let share = 1.0 / normals.len() as f64;
+    normals.iter().for_each(|&n| scatter(n, share, cells, dense));
+    let mut row = (vec![], vec![]);
+    for (node, w) in dense.chunks_exact(channels).enumerate() {
+        if w.iter().any(|w| *w > 0.0) {
+            row.0.push(node as u16);
+            row.1.extend(w.iter().map(|w| *w as f32));
+        }
+    }
+    row
 }
 
 /// Adds to `dense` (node-major, three channels a light) the weights of one normal.

@@ -127,8 +127,24 @@ impl Setup {
         &self.frame
     }
 
+    pub(super) fn has_operators(&self) -> bool {
+        self.operators.get().is_some()
+    }
+
+    /// Takes operators from a cache; without effect where there are some already.
+    pub(super) fn set_operators(&self, operators: Operators) {
+        let _ = self.operators.set(operators);
+    }
+
     pub(super) fn operators(&self) -> &Operators {
-        self.operators.get_or_init(|| {
+        self.operators_or_build().0
+    }
+
+    /// The operators, and whether this call built them.
+    pub(super) fn operators_or_build(&self) -> (&Operators, bool) {
+        let mut built = false;
+        let operators = self.operators.get_or_init(|| {
+            built = true;
             let pixels: Vec<Vec<Vec3>> = (0..self.shape.len()).map(|p| self.shape.normals(p).to_vec()).collect();
             let tilted: Vec<Vec<Vec3>> =
                 ALBEDO_ANGLES.iter().map(|a| vec![Vec3::from_spherical(a.to_radians(), 0.0)]).collect();
@@ -136,6 +152,7 @@ impl Setup {
                 pictures: Operator::build(&pixels, &self.lights),
                 albedo: Operator::build(&tilted, &[Light::constant(1.0)]),
             }
-        })
+        });
+        (operators, built)
     }
 }

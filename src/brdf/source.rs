@@ -74,6 +74,14 @@ impl BrdfSource {
         Ok(Self::Notation(notation.to_owned()))
     }
 
+    /// What tells one source from another without opening it.
+    pub fn identity(&self) -> String {
+        match self {
+            Self::Notation(notation) => format!("notation {notation}"),
+            Self::Generated(open) => format!("content {}", open.content),
+        }
+    }
+
     /// Reads the BRDF. A relative path is tried as given, then below `base`, the data folder, and its known subfolders.
     pub fn open(&self, base: Option<&Path>) -> Result<OpenBrdf, BrdfError> {
         match self {

@@ -10,6 +10,7 @@ mod progress;
 mod score;
 #[cfg(feature = "train")]
 mod train;
+mod workspace;
 
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand};

@@ -102,6 +102,23 @@ impl Cache {
         self.write(path, &key, &bytes).err()
     }
 
+    /// Numbers kept under a key, which names what they are, of what, and in which version.
+    pub fn load_values(&self, key: &str) -> Option<Vec<f64>> {
+        let bytes = std::fs::read(self.values_path(key)).ok()?;
+        let (numbers, rest) = payload(&bytes, key)?.as_chunks::<8>();
+        rest.is_empty().then(|| numbers.iter().map(|b| f64::from_le_bytes(*b)).collect())
+    }
+
+    /// Keeps numbers under a key.
+    pub fn store_values(&self, key: &str, values: &[f64]) -> Result<(), CacheWarning> {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.write(self.values_path(key), key, &bytes)
+    }
+
+    fn values_path(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{}.values", ContentHash::of(key.as_bytes())))
+    }
+
     fn write(&self, path: PathBuf, key: &str, payload: &[u8]) -> Result<(), CacheWarning> {
         static COUNTER: AtomicU64 = AtomicU64::new(0);
         let mut bytes = MAGIC.to_vec();

@@ -39,14 +39,6 @@ pub struct Extractor<'a> {
     pub progress: &'a (dyn Fn(Progress) + Sync),
 }
 
-/// What makes two sources the same.
-fn identity(source: &BrdfSource) -> String {
-    match source {
-        BrdfSource::Notation(notation) => format!("notation {notation}"),
-        BrdfSource::Generated(open) => format!("content {}", open.content),
-    }
-}
-
 impl Extractor<'_> {
     /// The descriptors of `(reference, candidate)` pairs, in parallel; the result does not depend on the number of threads.
     ///
@@ -56,7 +48,7 @@ impl Extractor<'_> {
         let mut index = BTreeMap::new();
         let mut sources = Vec::new();
         let mut number = |source| {
-            *index.entry(identity(source)).or_insert_with(|| {
+            *index.entry(source.identity()).or_insert_with(|| {
                 sources.push(source);
                 sources.len() - 1
             })

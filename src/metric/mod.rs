@@ -5,6 +5,7 @@ pub mod lp;
 pub mod registry;
 
 use crate::brdf::Brdf;
+use learned::LearnedMetric;
 use lp::LpVariant;
 use thiserror::Error;
 
@@ -58,6 +59,11 @@ pub trait Metric: Send + Sync {
     /// The Lp variant that this metric is, if it is one: many of them cost one pass over a pair
     /// ([`registry::distances`]).
     fn as_lp(&self) -> Option<LpVariant> {
+        None
+    }
+
+    /// The learned metric that this is, if it is one: it says more than a distance.
+    fn as_learned(&self) -> Option<&LearnedMetric> {
         None
     }
 }

@@ -3,6 +3,7 @@
 //! A new metric becomes known everywhere (command line, benchmark, contract tests) by one [`Registry::add`] in
 //! [`Registry::standard`].
 
+use super::learned::Score;
 use super::lp::{LpDistances, LpMetric, LpVariant};
 use super::{Metric, MetricError};
 use crate::brdf::Brdf;
@@ -95,6 +96,8 @@ pub struct Distance {
     pub value: f64,
     /// The distance of each channel alone (R, G, B), where the metric has one.
     pub channels: Option<[f64; 3]>,
+    /// Mean opinion score and its interval, where the metric was learned from ratings.
+    pub score: Option<Score>,
 }
 
 /// The values of many metrics for one pair, in the order of `metrics`. All Lp variants share a single pass.
@@ -109,11 +112,16 @@ pub fn distances(
         false => Some(LpDistances::of_variants(reference, candidate, &variants)?),
     };
     let distance = |metric: &Arc<dyn Metric>| {
-        let (value, channels) = match (&lp, metric.as_lp()) {
-            (Some(lp), Some(variant)) => (lp.get(variant), lp.channels(variant)),
-            _ => (metric.distance(reference, candidate)?, None),
+        let name = metric.name().to_owned();
+        if let (Some(lp), Some(variant)) = (&lp, metric.as_lp()) {
+            return Ok(Distance { metric: name, value: lp.get(variant), channels: lp.channels(variant), score: None });
+        }
+        let score = metric.as_learned().map(|learned| learned.score(reference, candidate)).transpose()?;
+        let value = match score {
+            Some(score) => score.distance,
+            None => metric.distance(reference, candidate)?,
         };
-        Ok(Distance { metric: metric.name().to_owned(), value, channels })
+        Ok(Distance { metric: name, value, channels: None, score })
     };
     metrics.iter().map(distance).collect()
 }

@@ -14,6 +14,7 @@ pub mod linear;
 pub mod lp_baseline;
 #[cfg(feature = "train")]
 pub mod neural;
+pub mod matrix;
 mod standardize;
 #[cfg(feature = "train")]
 pub mod svr;

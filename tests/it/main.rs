@@ -9,5 +9,3 @@ mod lp_golden;
 mod naive_lp;
 mod report;
 mod rooms;
-#[cfg(feature = "train")]
-mod train;

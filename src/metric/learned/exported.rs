@@ -34,6 +34,8 @@ const DIGITS: usize = 9;
 pub enum ExportedError {
     #[error("{file}, line {line}, column {column}: not an exported metric: {reason}")]
     Json { file: String, line: usize, column: usize, reason: String },
+    #[error("{file}: cannot be read: {reason}")]
+    Read { file: String, reason: String },
     #[error("{file}: format {found} is newer than this program, which reads up to {supported}; update vernis")]
     NewerFormat { file: String, found: u32, supported: u32 },
     #[error("{file}: unknown descriptors {found}; known: {known}")]

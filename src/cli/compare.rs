@@ -1,0 +1,93 @@
+//! `vernis compare`: two BRDFs, any number of metrics.
+
+use super::{Shared, user_error, workspace};
+use crate::metric::registry::{Distance, distances};
+use anyhow::Result;
+use clap::Args;
+use serde_json::{Map, Value, json};
+
+/// Compare two BRDFs.
+#[derive(Args)]
+#[command(after_help = "\
+A BRDF is written as
+  PATH.binary, PATH.titopo, PATH.titopoh          a table
+  ARCHIVE.zip:MATERIAL                            a network of an archive
+  FILE.fit:MATERIAL[?KEY=VALUE&...]               a published fit, with overrides
+  npf.bin:MATERIAL                                tabulated factors
+  MODEL.json[?KEY=VALUE&...]                      a model and its parameters
+
+Examples:
+  vernis compare alum-bronze.binary ward.json
+  vernis compare merl_nbrdf.zip:teflon 'low_lowmicrofacet_E2.fit:teflon?eta=2.5' --metric vernis --metric D9.Cl
+  vernis compare a.binary b.binary --metric all-lp --json
+  vernis compare a.binary b.binary --metric out/synthetic.vernis.json")]
+pub struct CompareArgs {
+    /// The reference.
+    reference: String,
+    /// The candidate that approximates it.
+    candidate: String,
+    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
+    #[arg(long = "metric", short, value_name = "NAME|FILE")]
+    metrics: Vec<String>,
+    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
+    #[arg(long)]
+    json: bool,
+    /// The distance of each channel alone as well, for metrics that have one.
+    #[arg(long)]
+    per_channel: bool,
+}
+
+pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
+    let metrics = workspace::metrics(&args.metrics)?;
+    let reference = workspace::open(&args.reference, shared.data.as_deref())?;
+    let candidate = workspace::open(&args.candidate, shared.data.as_deref())?;
+    if metrics.iter().any(|m| m.as_learned().is_some()) {
+        workspace::prepare(&metrics, workspace::cache(shared)?.as_ref());
+    }
+    let found = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref()).map_err(user_error)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&to_json(&found, args.per_channel))?);
+    } else {
+        print!("{}", to_text(&found, args.per_channel));
+        if metrics.iter().filter_map(|m| m.as_learned()).any(|m| m.exported().provenance.synthetic) {
+            println!("SYNTHETIC: a metric above was trained on simulated observers; its scores say nothing about people.");
+        }
+    }
+    Ok(())
+}
+
+fn to_json(found: &[Distance], per_channel: bool) -> Value {
+    let mut distances = Map::new();
+    let mut mos = Map::new();
+    let mut channels = Map::new();
+    for d in found {
+        distances.insert(d.metric.clone(), json!(d.value));
+        if let Some(s) = d.score {
+            mos.insert(d.metric.clone(), json!({"mos": s.mos, "low": s.low, "high": s.high}));
+        }
+        if let Some(c) = d.channels {
+            channels.insert(d.metric.clone(), json!(c));
+        }
+    }
+    let mut all = json!({"distances": distances, "mos": mos});
+    if per_channel {
+        all["channels"] = Value::Object(channels);
+    }
+    all
+}
+
+fn to_text(found: &[Distance], per_channel: bool) -> String {
+    let width = found.iter().map(|d| d.metric.len()).max().unwrap_or(0);
+    let mut text = String::new();
+    for d in found {
+        text += &format!("{:width$}  {:<12.6}", d.metric, d.value);
+        if let Some(s) = d.score {
+            text += &format!("  predicted MOS {:.2} of 5, 95 % between {:.2} and {:.2}", s.mos, s.low, s.high);
+        }
+        if let (true, Some([r, g, b])) = (per_channel, d.channels) {
+            text += &format!("  R {r:.6}  G {g:.6}  B {b:.6}");
+        }
+        text = text.trim_end().to_owned() + "\n";
+    }
+    text
+}

@@ -1,0 +1,86 @@
+//! `vernis describe`: what a BRDF is, and what its descriptors say of it.
+
+use super::{Shared, user_error, workspace};
+use crate::brdf::{Brdf, Grid};
+use crate::descriptor::{BrdfFeatures, DescriptorSet, Family};
+use crate::math::coordinates::standard_directions;
+use anyhow::Result;
+use clap::Args;
+use serde_json::json;
+
+/// Describe one BRDF: what it is, and its descriptors.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  vernis describe alum-bronze.binary
+  vernis describe merl_nbrdf.zip:teflon --json
+  vernis describe ward.json --descriptors      # what each descriptor means")]
+pub struct DescribeArgs {
+    /// The BRDF, as `vernis compare --help` describes.
+    brdf: String,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Explain every descriptor of a pair: name, unit, meaning, source.
+    #[arg(long)]
+    descriptors: bool,
+}
+
+pub fn run(shared: &Shared, args: DescribeArgs) -> Result<()> {
+    let open = workspace::open(&args.brdf, shared.data.as_deref())?;
+    let setup = workspace::setup();
+    let cache = workspace::cache(shared)?;
+    workspace::warn(cache.as_ref().and_then(|c| c.prepare(&setup)));
+    let features = BrdfFeatures::compute(open.brdf.as_ref(), &setup).map_err(user_error)?;
+    let context: Vec<(String, String, f64)> = Family::Context
+        .descriptions()
+        .into_iter()
+        .zip(features.context())
+        .map(|(d, &value)| (d.column.name, d.meaning, value))
+        .collect();
+    let table = open.brdf.as_table().map(|t| {
+        let valid = t.valid().iter().filter(|v| **v).count();
+        (t.grid(), valid)
+    });
+    let mirror = [0.0, 30.0, 60.0].map(|deg: f64| (deg, mirror_value(open.brdf.as_ref(), deg)));
+    if args.json {
+        let descriptors: serde_json::Map<_, _> =
+            context.iter().map(|(name, _, value)| (name.clone(), json!(value))).collect();
+        let value = json!({
+            "brdf": open.notation, "sha256": open.content.to_string(),
+            "cells": table.map(|(g, _)| g.shape()), "valid_cells": table.map(|(_, v)| v),
+            "mirror": mirror.map(|(deg, rgb)| json!({"theta_deg": deg, "rgb": rgb})),
+            "descriptors": descriptors,
+        });
+        println!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    println!("{}\nsha256 {}", open.notation, open.content);
+    if let Some((grid, valid)) = table {
+        let [a, b, c] = grid.shape();
+        let kind = if matches!(grid, Grid::Standard { .. }) { "standard" } else { "half/difference" };
+        println!("table of {a} x {b} x {c} cells in {kind} coordinates, {valid} of {} measured", grid.len());
+    }
+    for (deg, rgb) in mirror {
+        match rgb {
+            Some([r, g, b]) => println!("mirror direction at {deg:2} deg: {r:.4} {g:.4} {b:.4} 1/sr"),
+            None => println!("mirror direction at {deg:2} deg: not measured"),
+        }
+    }
+    println!("\ndescriptors of the BRDF alone:");
+    context.iter().for_each(|(name, meaning, value)| println!("  {name:18} {value:9.4}  {meaning}"));
+    if args.descriptors {
+        println!("\ndescriptors of a pair:");
+        for d in DescriptorSet::compact().descriptions() {
+            println!("  {:22} [{}] {} ({})", d.column.name, d.unit, d.meaning, d.source);
+        }
+    }
+    Ok(())
+}
+
+/// The value where a mirror would reflect, for light at `theta_deg` from the normal.
+fn mirror_value(brdf: &dyn Brdf, theta_deg: f64) -> Option<[f64; 3]> {
+    let theta = theta_deg.to_radians();
+    let (wi, wo) = standard_directions(theta, theta, std::f64::consts::PI);
+    brdf.eval(wi, wo)
+}

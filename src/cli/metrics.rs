@@ -1,0 +1,41 @@
+//! `vernis metrics`: what there is to measure with.
+
+use super::Shared;
+use crate::metric::registry::Registry;
+use anyhow::Result;
+use clap::Args;
+use serde_json::json;
+
+/// List the metrics.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  vernis metrics\n  vernis metrics --json")]
+pub struct MetricsArgs {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
+    let registry = Registry::standard();
+    if args.json {
+        let all: Vec<_> = registry
+            .iter()
+            .map(|m| {
+                let p = m.properties();
+                json!({
+                    "name": m.name(), "summary": p.summary, "unit": p.unit, "symmetric": p.symmetric,
+                    "usable_as_loss": p.usable_as_loss, "source": p.source,
+                })
+            })
+            .collect();
+        println!("{}", serde_json::to_string_pretty(&all)?);
+        return Ok(());
+    }
+    let width = registry.iter().map(|m| m.name().len()).max().unwrap_or(0);
+    for metric in registry.iter() {
+        let p = metric.properties();
+        println!("{:width$}  {} [{}]", metric.name(), p.summary, p.unit);
+    }
+    println!("\n`all-lp` stands for the 36 Lp metrics of Lavoué et al. 2021. 0 is identical, larger is worse.");
+    Ok(())
+}

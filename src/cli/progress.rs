@@ -1,0 +1,52 @@
+//! Progress bars on standard error; silent where that is no terminal.
+
+use crate::descriptor::Progress;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::Mutex;
+
+/// One bar that changes its label from stage to stage.
+pub struct Bar {
+    bar: ProgressBar,
+    stage: Mutex<&'static str>,
+}
+
+impl Bar {
+    pub fn new() -> Self {
+        let bar = ProgressBar::new(0);
+        if let Ok(style) = ProgressStyle::with_template("{msg:24} [{wide_bar}] {pos}/{len}, {eta} left") {
+            bar.set_style(style);
+        }
+        Self { bar, stage: Mutex::new("") }
+    }
+
+    /// Reports how far `stage` is. May be called from any thread.
+    pub fn update(&self, stage: &'static str, progress: Progress) {
+        if let Ok(mut current) = self.stage.lock() {
+            if *current != stage {
+                *current = stage;
+                self.bar.reset();
+                self.bar.set_message(stage);
+            }
+        }
+        self.bar.set_length(progress.total as u64);
+        // Threads may report out of order; the bar only moves forward.
+        if progress.done as u64 > self.bar.position() {
+            self.bar.set_position(progress.done as u64);
+        }
+    }
+
+    /// Shows a stage whose length is not known.
+    pub fn stage(&self, label: &'static str) {
+        self.update(label, Progress { done: 0, total: 0 });
+        self.bar.tick();
+    }
+
+    /// Prints a line above the bar.
+    pub fn note(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,134 @@
+//! `vernis score`: many pairs from a CSV file, in order, with one column a metric.
+
+use super::progress::Bar;
+use super::{Shared, user_error, workspace};
+use crate::brdf::OpenBrdf;
+use crate::descriptor::Progress;
+use crate::metric::registry::{Distance, distances};
+use crate::report::OutputFolder;
+use anyhow::{Context, Result};
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Compare many pairs, from a CSV file to a CSV file.
+#[derive(Args)]
+#[command(after_help = "\
+PAIRS.csv has a header with at least the columns `reference` and `candidate`, each a BRDF as `vernis compare --help`
+describes. The output has the same rows in order, one more column a metric, and `mos`, `mos_low`, `mos_high` for a learned
+one (followed by `:NAME` for every learned metric after the first).
+
+Examples:
+  vernis score pairs.csv --metric vernis --metric D9.Cl --out scores.csv
+  vernis score pairs.csv --metric all-lp --out lp.csv")]
+pub struct ScoreArgs {
+    /// CSV file with the columns reference,candidate.
+    pairs: PathBuf,
+    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
+    #[arg(long = "metric", short, value_name = "NAME|FILE")]
+    metrics: Vec<String>,
+    /// CSV file to write.
+    #[arg(long, value_name = "CSV")]
+    out: PathBuf,
+}
+
+/// The rows of a file and where its two columns stand.
+struct Pairs {
+    header: csv::StringRecord,
+    rows: Vec<csv::StringRecord>,
+    reference: usize,
+    candidate: usize,
+}
+
+impl Pairs {
+    fn read(path: &Path) -> Result<Self> {
+        let file = path.display();
+        let mut reader = csv::ReaderBuilder::new()
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .from_path(path)
+            .map_err(|e| user_error(format!("{file}: {e}")))?;
+        let header = reader.headers().map_err(|e| user_error(format!("{file}: {e}")))?.clone();
+        let column = |name: &str| {
+            header.iter().position(|h| h == name).ok_or_else(|| {
+                let found = header.iter().collect::<Vec<_>>().join(", ");
+                user_error(format!("{file}, line 1: no column `{name}`; found: {found}; needed: reference, candidate"))
+            })
+        };
+        let (reference, candidate) = (column("reference")?, column("candidate")?);
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|e| user_error(format!("{file}: {e}")))?;
+            let line = record.position().map_or(0, |p| p.line());
+            if record.len() != header.len() {
+                let (found, needed) = (record.len(), header.len());
+                return Err(user_error(format!("{file}, line {line}: {found} fields, the header has {needed}")));
+            }
+            for (column, name) in [(reference, "reference"), (candidate, "candidate")] {
+                if record.get(column).is_none_or(str::is_empty) {
+                    return Err(user_error(format!("{file}, line {line}: `{name}` is empty; a BRDF is needed")));
+                }
+            }
+            rows.push(record);
+        }
+        if rows.is_empty() {
+            return Err(user_error(format!("{file}: no pair after the header; at least one is needed")));
+        }
+        Ok(Self { header, rows, reference, candidate })
+    }
+}
+
+pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
+    let metrics = workspace::metrics(&args.metrics)?;
+    let pairs = Pairs::read(&args.pairs)?;
+    let name = args.out.file_name().and_then(|n| n.to_str());
+    let name = name.ok_or_else(|| user_error(format!("--out {}: not the name of a file", args.out.display())))?;
+    let parent = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = OutputFolder::create(parent).map_err(user_error)?;
+    let cache = workspace::cache(shared)?;
+    workspace::prepare(&metrics, cache.as_ref());
+
+    let bar = Bar::new();
+    let mut found: Vec<Vec<Distance>> = Vec::with_capacity(pairs.rows.len());
+    // Neighbouring rows often share their reference.
+    let mut last: Option<(String, OpenBrdf)> = None;
+    for (i, row) in pairs.rows.iter().enumerate() {
+        let line = row.position().map_or(0, |p| p.line());
+        let at = |e: String| user_error(format!("{}, line {line}: {e}", args.pairs.display()));
+        let notation = &row[pairs.reference];
+        let reference = match &last {
+            Some((known, open)) if known == notation => open.clone(),
+            _ => workspace::open(notation, shared.data.as_deref()).map_err(|e| at(format!("{e:#}")))?,
+        };
+        let candidate =
+            workspace::open(&row[pairs.candidate], shared.data.as_deref()).map_err(|e| at(format!("{e:#}")))?;
+        let values = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref());
+        found.push(values.map_err(|e| at(e.to_string()))?);
+        last = Some((notation.to_owned(), reference));
+        bar.update("pairs", Progress { done: i + 1, total: pairs.rows.len() });
+    }
+    bar.finish();
+    folder.write(name, &to_csv(&pairs, &found)?)?;
+    println!("{} pairs, {} metrics: {}", pairs.rows.len(), metrics.len(), args.out.display());
+    Ok(())
+}
+
+fn to_csv(pairs: &Pairs, found: &[Vec<Distance>]) -> Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut header: Vec<String> = pairs.header.iter().map(str::to_owned).collect();
+    let first = found.first().map(Vec::as_slice).unwrap_or_default();
+    header.extend(first.iter().map(|d| d.metric.clone()));
+    for (i, d) in first.iter().filter(|d| d.score.is_some()).enumerate() {
+        let suffix = if i == 0 { String::new() } else { format!(":{}", d.metric) };
+        header.extend(["mos", "mos_low", "mos_high"].map(|c| format!("{c}{suffix}")));
+    }
+    writer.write_record(&header)?;
+    for (row, distances) in pairs.rows.iter().zip(found) {
+        let mut record: Vec<String> = row.iter().map(str::to_owned).collect();
+        record.extend(distances.iter().map(|d| d.value.to_string()));
+        for s in distances.iter().filter_map(|d| d.score) {
+            record.extend([s.mos, s.low, s.high].map(|x| x.to_string()));
+        }
+        writer.write_record(&record)?;
+    }
+    writer.into_inner().context("the table of scores could not be put together")
+}

@@ -1,0 +1,145 @@
+//! A study becomes a matrix: one row a rated pair, one column a descriptor or a classical distance.
+//!
+//! Descriptors come from [`crate::descriptor::Extractor`], the Lp distances from one pass over each pair of tables; both
+//! are cached by the content of the BRDFs. Memory: two tables of 38 MB a worker thread, 400 kB a BRDF.
+
+use crate::brdf::{BrdfError, BrdfSource, Grid, OpenBrdf, TableError, TabulatedBrdf};
+use crate::dataset::Study;
+use crate::dataset::samples::{Column, Role, Samples, SamplesError};
+use crate::descriptor::{Cache, CacheWarning, DescriptorError, DescriptorSet, Extractor, Progress, Setup};
+use crate::metric::MetricError;
+use crate::metric::lp::{LpDistances, LpVariant};
+use ndarray::{Array2, Axis, concatenate};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use thiserror::Error;
+
+/// Family of the columns that hold Lp distances; each column has the metric's own name.
+pub const LP_FAMILY: &str = "lp";
+
+/// Part of the cache key of Lp distances: raise it when one of them changes.
+const LP_VERSION: u32 = 1;
+
+#[derive(Debug, Error)]
+pub enum MatrixError {
+    #[error(transparent)]
+    Descriptor(#[from] DescriptorError),
+    #[error(transparent)]
+    Open(#[from] BrdfError),
+    #[error("{notation}: {source}")]
+    Table { notation: String, source: TableError },
+    #[error("{reference} against {candidate}: {source}")]
+    Lp { reference: String, candidate: String, source: MetricError },
+    #[error(transparent)]
+    Samples(#[from] SamplesError),
+    #[error("the Lp distances of {found} pairs were computed, expected {expected}")]
+    Incomplete { found: usize, expected: usize },
+}
+
+/// Where a matrix is computed from, and what it tells meanwhile.
+pub struct MatrixBuilder<'a> {
+    pub set: &'a DescriptorSet,
+    pub setup: &'a Setup,
+    /// Folder that relative sources are looked up in.
+    pub base: Option<&'a Path>,
+    pub cache: Option<&'a Cache>,
+    /// Called from any thread: the name of the stage and how far it is.
+    pub progress: &'a (dyn Fn(&'static str, Progress) + Sync),
+}
+
+/// A study as numbers.
+#[derive(Debug, Clone)]
+pub struct StudyMatrix {
+    /// The columns of the descriptor set, then one a Lp variant of the study.
+    pub samples: Samples,
+    /// What could not be kept for the next run.
+    pub warnings: Vec<CacheWarning>,
+}
+
+impl MatrixBuilder<'_> {
+    /// Descriptors and the 36 Lp distances of every pair of `study`, in the order of its pairs; the same for any number
+    /// of threads.
+    pub fn build(&self, study: &Study) -> Result<StudyMatrix, MatrixError> {
+        let pairs: Vec<(BrdfSource, BrdfSource)> =
+            study.pairs.iter().map(|p| (p.reference.clone(), p.candidate.clone())).collect();
+        let progress = |p: Progress| (self.progress)("descriptors", p);
+        let extractor =
+            Extractor { set: self.set, setup: self.setup, base: self.base, cache: self.cache, progress: &progress };
+        let extraction = extractor.extract(&pairs)?;
+        let mut warnings = extraction.warnings;
+        let (lp, lp_warnings) = self.lp_distances(&pairs)?;
+        warnings.extend(lp_warnings);
+        let mut columns = self.set.columns();
+        columns.extend(LpVariant::of_study().map(|v| Column {
+            name: v.to_string(),
+            family: LP_FAMILY.to_owned(),
+            role: Role::Difference,
+        }));
+        let features = concatenate(Axis(1), &[extraction.values.view(), lp.view()])
+            .map_err(|_| MatrixError::Incomplete { found: lp.nrows(), expected: pairs.len() })?;
+        let rows = study.pairs.iter().map(|p| p.row()).collect();
+        Ok(StudyMatrix { samples: Samples::new(columns, rows, features)?, warnings })
+    }
+
+    /// Pairs x the 36 variants. Pairs of one reference are done together, so that its table is made once.
+    fn lp_distances(
+        &self,
+        pairs: &[(BrdfSource, BrdfSource)],
+    ) -> Result<(Array2<f64>, Vec<CacheWarning>), MatrixError> {
+        let mut by_reference: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        pairs.iter().enumerate().for_each(|(i, (r, _))| by_reference.entry(r.identity()).or_default().push(i));
+        let (done, total) = (AtomicUsize::new(0), pairs.len());
+        let of_group = |indices: &Vec<usize>| -> Result<Vec<(usize, Vec<f64>, Option<CacheWarning>)>, MatrixError> {
+            let Some(&first) = indices.first() else { return Ok(Vec::new()) };
+            let reference = pairs[first].0.open(self.base)?;
+            let mut table = None;
+            let mut found = Vec::with_capacity(indices.len());
+            for &i in indices {
+                let candidate = pairs[i].1.open(self.base)?;
+                let (values, warning) = self.lp_of_pair(&reference, &candidate, &mut table)?;
+                found.push((i, values, warning));
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                (self.progress)("Lp distances", Progress { done, total });
+            }
+            Ok(found)
+        };
+        let groups: Vec<&Vec<usize>> = by_reference.values().collect();
+        let found: Vec<_> = groups.into_par_iter().map(of_group).collect::<Result<Vec<_>, _>>()?;
+        let mut values = Array2::zeros((pairs.len(), LpVariant::of_study().count()));
+        let mut warnings = Vec::new();
+        for (i, row, warning) in found.into_iter().flatten() {
+            values.row_mut(i).iter_mut().zip(row).for_each(|(to, from)| *to = from);
+            warnings.extend(warning);
+        }
+        Ok((values, warnings))
+    }
+
+    fn lp_of_pair(
+        &self,
+        reference: &OpenBrdf,
+        candidate: &OpenBrdf,
+        table: &mut Option<TabulatedBrdf>,
+    ) -> Result<(Vec<f64>, Option<CacheWarning>), MatrixError> {
+        let key = format!("lp {LP_VERSION} {} {}", reference.content, candidate.content);
+        if let Some(kept) = self.cache.and_then(|c| c.load_values(&key)) {
+            return Ok((kept, None));
+        }
+        let tabulate = |open: &OpenBrdf| {
+            TabulatedBrdf::tabulate(open.brdf.as_ref(), Grid::TITOPO)
+                .map_err(|source| MatrixError::Table { notation: open.notation.clone(), source })
+        };
+        let reference_table = match table {
+            Some(table) => table,
+            None => table.insert(tabulate(reference)?),
+        };
+        let distances = LpDistances::between(reference_table, &tabulate(candidate)?).map_err(|source| {
+            let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
+            MatrixError::Lp { reference, candidate, source }
+        })?;
+        let values: Vec<f64> = distances.of_study().map(|(_, value)| value).collect();
+        let warning = self.cache.and_then(|c| c.store_values(&key, &values).err());
+        Ok((values, warning))
+    }
+}

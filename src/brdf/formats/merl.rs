@@ -55,7 +55,7 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
         .with_min_len(1 << 14)
         .map(|cell| {
             let raw: [f64; 3] = std::array::from_fn(|channel| stored(channel, cell));
-            (std::array::from_fn(|c| (raw[c] * SCALE[c]) as f32), raw.iter().all(|v| !(*v < 0.0)))
+            (std::array::from_fn(|c| (raw[c] * SCALE[c]) as f32), raw.iter().all(|v| *v >= 0.0))
         })
         .unzip();
     let strange = |v: &[f32; 3]| v.iter().any(|x| !x.is_finite());

@@ -1,7 +1,7 @@
 //! The samples of both BRDFs for one pair of polar angles, and where they come from.
 
 use super::{AZIMUTHS, POLAR};
-use crate::brdf::{Brdf, Grid, TabulatedBrdf};
+use crate::brdf::{Brdf, Grid, TableError, TabulatedBrdf};
 use crate::math::{Rgb, Vec3};
 use crate::metric::MetricError;
 use rayon::prelude::*;
@@ -159,25 +159,27 @@ impl Cells for Samples {
     }
 }
 
-/// The table behind `brdf` if its cells are those of the metrics.
-fn study_table(brdf: &dyn Brdf) -> Option<&TabulatedBrdf> {
-    brdf.as_table().filter(|table| table.grid() == Grid::TITOPO)
-}
-
-/// The cells of a BRDF that is read once. Tables on other grids are looked up cell by cell.
-pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: &'static str) -> Box<dyn Cells + 'a> {
-    match study_table(brdf) {
-        Some(table) => Box::new(table),
-        None => Box::new(Evaluated { brdf, side, directions: Directions::new() }),
+/// The cells of a BRDF that is read once. A table on another grid is looked up at the cells of [`Grid::TITOPO`].
+pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: &'static str) -> Result<Box<dyn Cells + 'a>, MetricError> {
+    match brdf.as_table() {
+        Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table)),
+        Some(table) => Ok(Box::new(resampled(table, side)?)),
+        None => Ok(Box::new(Evaluated { brdf, side, directions: Directions::new() })),
     }
 }
 
 /// The cells of a BRDF that is read many times and outlives its source.
 pub(super) fn owned_cells(brdf: &dyn Brdf, side: &'static str) -> Result<Box<dyn Cells>, MetricError> {
-    match study_table(brdf) {
-        Some(table) => Ok(Box::new(table.clone())),
+    match brdf.as_table() {
+        Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table.clone())),
+        Some(table) => Ok(Box::new(resampled(table, side)?)),
         None => Ok(Box::new(Samples::of(&Evaluated { brdf, side, directions: Directions::new() })?)),
     }
+}
+
+fn resampled(table: &TabulatedBrdf, side: &'static str) -> Result<TabulatedBrdf, MetricError> {
+    let unusable = |error: TableError| MetricError::Unusable { side, reason: error.to_string() };
+    TabulatedBrdf::tabulate(table, Grid::TITOPO).map_err(unusable)
 }
 
 #[cfg(test)]

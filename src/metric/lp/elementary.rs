@@ -17,10 +17,10 @@ pub(super) fn inverse_cbrt(x: f64) -> f64 {
     const START: u64 = 0x553e_ead3_bab4_f000;
     const ONE_THIRD: u64 = 0x5555_5555; // of 2^32
     let y = f64::from_bits(START - (x.to_bits() >> 32) * ONE_THIRD);
-    // Multiplied from the left, so that x = 0 never meets an overflowed y^3.
-    let h = 1.0 - x * y * y * y;
-    let y = y + y * (h * (1.0 / 3.0 + h * (2.0 / 9.0 + h * (14.0 / 81.0 + h * (35.0 / 243.0)))));
-    let h = 1.0 - x * y * y * y;
+    let residual = |y: f64| 1.0 - (x * y) * (y * y);
+    let h = residual(y);
+    let y = y + y * (h * ((1.0 / 3.0 + h * (2.0 / 9.0)) + (h * h) * (14.0 / 81.0 + h * (35.0 / 243.0))));
+    let h = residual(y);
     y + y * (h * (1.0 / 3.0 + h * (2.0 / 9.0)))
 }
 
@@ -45,15 +45,18 @@ pub(super) fn cbrt_of_square(x: f64) -> f64 {
 pub(super) fn abs_ln_ratio(a: f64, b: f64) -> f64 {
     const HALF: u64 = 1 << 51;
     const TWO_POW_52: f64 = 4_503_599_627_370_496.0;
-    let (large, small) = if a > b { (a, b) } else { (b, a) };
+    let large = if a > b { a } else { b };
+    let small = if a > b { b } else { a };
     let k = (large.to_bits() - small.to_bits() + HALF) >> 52;
     let scaled = f64::from_bits(large.to_bits() - (k << 52));
     // An integer below 2^52 in the mantissa of 2^52: the conversion that every vector unit has.
     let k = f64::from_bits(TWO_POW_52.to_bits() | k) - TWO_POW_52;
     let s = (scaled - small) / (scaled + small);
     let z = s * s;
-    let high = 1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0 + z * (1.0 / 17.0 + z * (1.0 / 19.0))));
-    let series = z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * (1.0 / 9.0 + z * high))));
+    let w = z * z;
+    let even = 1.0 / 3.0 + w * (1.0 / 7.0 + w * (1.0 / 11.0 + w * (1.0 / 15.0 + w * (1.0 / 19.0))));
+    let odd = 1.0 / 5.0 + w * (1.0 / 9.0 + w * (1.0 / 13.0 + w * (1.0 / 17.0)));
+    let series = z * (even + z * odd);
     k * std::f64::consts::LN_2 + 2.0 * (s + s * series)
 }
 

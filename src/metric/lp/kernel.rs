@@ -6,13 +6,10 @@
 use super::block::{Block, Plane};
 use super::elementary::{abs_ln_ratio, cbrt, cbrt_of_square};
 use super::variant::{Formula, LpVariant};
-use super::{EPSILON, POLAR, POLAR_CLAMPED};
+use super::{AZIMUTHS, EPSILON, POLAR, POLAR_CLAMPED};
 use crate::math::color::{CIELAB_LINEAR_BELOW, CIELAB_SLOPE, WHITE_D65, XYZ_FROM_REC709};
 
 const LANES: usize = 4;
-
-/// A partial sum a lane.
-type Lanes = [f64; LANES];
 
 /// The groups of sums that share their expensive parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,18 +79,27 @@ pub(super) struct BlockSums {
     pub lab: [f64; 3],
 }
 
-/// Both blocks and room for their cube roots: reused by the blocks of a row.
+/// Three channels, or three colour coordinates.
+type Planes = [Plane; 3];
+
+const BLACK: Planes = [[0.0; AZIMUTHS]; 3];
+
+/// Both blocks and room for what is computed from them: reused by the blocks of a row.
 pub(super) struct Workspace {
     pub reference: Block,
     pub candidate: Block,
-    reference_root: [Plane; 3],
-    candidate_root: [Plane; 3],
+    /// Cube roots of reference and candidate.
+    roots: [Planes; 2],
+    /// Colour coordinates of reference and candidate.
+    colours: [Planes; 2],
+    /// Differences or logarithms, whose powers are summed.
+    terms: Plane,
 }
 
 impl Workspace {
     pub fn new() -> Box<Self> {
         let (reference, candidate) = (Block::new(), Block::new());
-        Box::new(Self { reference_root: reference.rgb, candidate_root: candidate.rgb, reference, candidate })
+        Box::new(Self { reference, candidate, roots: [BLACK; 2], colours: [BLACK; 2], terms: [0.0; AZIMUTHS] })
     }
 
     /// The sums of the two blocks as they are and of their cube roots, `cosine` being c(theta_i, theta_o) of the
@@ -117,149 +123,140 @@ fn sums_avx2(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] 
 
 #[inline(always)]
 fn sums(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    let Workspace { reference, candidate, roots, colours, terms } = space;
+    let blocks = [&reference.rgb, &candidate.rgb];
     let mut sums = [BlockSums::default(); 2];
     if work.needs_cube_roots() {
-        cube_roots(&space.reference.rgb, &mut space.reference_root);
-        cube_roots(&space.candidate.rgb, &mut space.candidate_root);
+        cube_roots(blocks, roots);
     }
-    let forms = [
-        (&space.reference.rgb, &space.candidate.rgb, PI_LAB),
-        (&space.reference_root, &space.candidate_root, CBRT_PI_LAB),
-    ];
-    for (form, (reference, candidate, xyz)) in forms.into_iter().enumerate() {
-        let sums = &mut sums[form];
+    let [reference_root, candidate_root] = &*roots;
+    let forms = [(blocks, &RADIANCE_FACTOR), ([reference_root, candidate_root], &RADIANCE_FACTOR_ROOT)];
+    for (form, ([reference, candidate], relative_xyz)) in forms.into_iter().enumerate() {
         for channel in 0..3 {
             let (r, a) = (&reference[channel], &candidate[channel]);
+            let sums = &mut sums[form];
             if work.needs(form, Group::Powers) {
-                (sums.square[channel], sums.absolute[channel]) = powers(r, a);
+                cellwise(r, a, terms, |r, a| (a - r).abs());
+                sums.square[channel] = sum_of_squares(terms);
+                sums.absolute[channel] = sum(terms, |d| d);
             }
             if work.needs(form, Group::Roots) {
-                sums.root[channel] = roots(r, a);
+                cellwise(r, a, terms, |r, a| cbrt_of_square((a - r).abs()));
+                sums.root[channel] = sum(terms, |t| t);
             }
             if work.needs(form, Group::Logs) {
-                (sums.log[channel], sums.log_square[channel]) = logs(r, a, cosine);
+                cellwise(r, a, terms, |r, a| abs_ln_ratio(r * cosine + EPSILON, a * cosine + EPSILON));
+                sums.log[channel] = sum(terms, |l| l);
+                sums.log_square[channel] = sum_of_squares(terms);
             }
         }
         if work.needs(form, Group::Lab) {
-            sums.lab = lab_squares(reference, candidate, |rgb| cielab(rgb, &xyz), |component| component);
+            colour_coordinates([reference, candidate], colours, |rgb| cielab(rgb, relative_xyz));
+            sums[form].lab = colour_squares(colours, terms, |component| component);
         }
     }
-    let (reference, candidate) = (&space.reference.rgb, &space.candidate.rgb);
-    if work.needs(0, Group::StudyLab) {
-        sums[0].study_lab = lab_squares(reference, candidate, study_lab, |component| component);
-    }
-    if work.needs(1, Group::StudyLab) {
-        sums[1].study_lab =
-            lab_squares(reference, candidate, study_lab, |component| cbrt(component.abs()).copysign(component));
+    if work.needs(0, Group::StudyLab) || work.needs(1, Group::StudyLab) {
+        colour_coordinates(blocks, colours, |rgb| study_lab(rgb, &STUDY_XYZ));
+        sums[0].study_lab = colour_squares(colours, terms, |component| component);
+        if work.needs(1, Group::StudyLab) {
+            sums[1].study_lab = colour_squares(colours, terms, |component| cbrt(component.abs()).copysign(component));
+        }
     }
     sums
 }
 
+/// Sum of `term(value)` over a plane, [`LANES`] partial sums at a time.
 #[inline(always)]
-fn total(lanes: Lanes) -> f64 {
-    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+fn sum(plane: &Plane, term: impl Fn(f64) -> f64) -> f64 {
+    let mut lanes = [0.0; LANES];
+    for group in plane.as_chunks::<LANES>().0 {
+        for (lane, value) in lanes.iter_mut().zip(group) {
+            *lane += term(*value);
+        }
+    }
+    // The halves of a register first.
+    (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])
 }
 
 #[inline(always)]
-fn pairs<'a>(r: &'a Plane, a: &'a Plane) -> impl Iterator<Item = (&'a Lanes, &'a Lanes)> {
-    r.as_chunks::<LANES>().0.iter().zip(a.as_chunks::<LANES>().0)
+fn sum_of_squares(plane: &Plane) -> f64 {
+    sum(plane, |x| x * x)
+}
+
+/// `terms = combine(r, a)`, cell by cell.
+#[inline(always)]
+fn cellwise(r: &Plane, a: &Plane, terms: &mut Plane, combine: impl Fn(f64, f64) -> f64) {
+    for ((term, r), a) in terms.iter_mut().zip(r).zip(a) {
+        *term = combine(*r, *a);
+    }
 }
 
 #[inline(always)]
-fn cube_roots(from: &[Plane; 3], to: &mut [Plane; 3]) {
-    for (from, to) in from.iter().zip(to) {
+fn cube_roots(from: [&Planes; 2], to: &mut [Planes; 2]) {
+    for (from, to) in from.into_iter().zip(to) {
         for (from, to) in from.iter().zip(to) {
-            *to = cbrt(*from);
-        }
-    }
-}
-
-/// Sums of d^2 and |d|.
-#[inline(always)]
-fn powers(r: &Plane, a: &Plane) -> (f64, f64) {
-    let (mut square, mut absolute) = ([0.0; LANES], [0.0; LANES]);
-    for (r, a) in pairs(r, a) {
-        for k in 0..LANES {
-            let d = a[k] - r[k];
-            square[k] += d * d;
-            absolute[k] += d.abs();
-        }
-    }
-    (total(square), total(absolute))
-}
-
-/// Sum of cbrt(d^2).
-#[inline(always)]
-fn roots(r: &Plane, a: &Plane) -> f64 {
-    let mut root = [0.0; LANES];
-    for (r, a) in pairs(r, a) {
-        for k in 0..LANES {
-            root[k] += cbrt_of_square((a[k] - r[k]).abs());
-        }
-    }
-    total(root)
-}
-
-/// Sums of |ln((r c + eps)/(a c + eps))| and of its square.
-#[inline(always)]
-fn logs(r: &Plane, a: &Plane, cosine: f64) -> (f64, f64) {
-    let (mut log, mut log_square) = ([0.0; LANES], [0.0; LANES]);
-    for (r, a) in pairs(r, a) {
-        for k in 0..LANES {
-            let l = abs_ln_ratio(r[k] * cosine + EPSILON, a[k] * cosine + EPSILON);
-            log[k] += l;
-            log_square[k] += l * l;
-        }
-    }
-    (total(log), total(log_square))
-}
-
-/// Sums of the squared differences of three colour coordinates, each passed through `curve`.
-#[inline(always)]
-fn lab_squares(
-    reference: &[Plane; 3],
-    candidate: &[Plane; 3],
-    lab: impl Fn([f64; 3]) -> [f64; 3],
-    curve: impl Fn(f64) -> f64,
-) -> [f64; 3] {
-    let mut squares = [[0.0; LANES]; 3];
-    let groups = |planes: &[Plane; 3], group: usize, k: usize| planes.each_ref().map(|plane| plane[group * LANES + k]);
-    for group in 0..super::AZIMUTHS / LANES {
-        for k in 0..LANES {
-            let (r, a) = (lab(groups(reference, group, k)), lab(groups(candidate, group, k)));
-            for component in 0..3 {
-                let d = curve(a[component]) - curve(r[component]);
-                squares[component][k] += d * d;
+            for (from, to) in from.iter().zip(to) {
+                *to = cbrt(*from);
             }
         }
     }
-    squares.map(total)
+}
+
+/// `coordinates` of every cell of both blocks.
+#[inline(always)]
+fn colour_coordinates(from: [&Planes; 2], to: &mut [Planes; 2], coordinates: impl Fn([f64; 3]) -> [f64; 3]) {
+    for ([red, green, blue], [x, y, z]) in from.into_iter().zip(to) {
+        for k in 0..AZIMUTHS {
+            [x[k], y[k], z[k]] = coordinates([red[k], green[k], blue[k]]);
+        }
+    }
+}
+
+/// Sums of the squared differences of the three colour coordinates, each passed through `curve`.
+#[inline(always)]
+fn colour_squares([reference, candidate]: &[Planes; 2], terms: &mut Plane, curve: impl Fn(f64) -> f64) -> [f64; 3] {
+    let mut squares = [0.0; 3];
+    for ((square, r), a) in squares.iter_mut().zip(reference).zip(candidate) {
+        cellwise(r, a, terms, |r, a| curve(a) - curve(r));
+        *square = sum_of_squares(terms);
+    }
+    squares
+}
+
+#[inline(always)]
+fn select(condition: bool, yes: f64, no: f64) -> f64 {
+    if condition { yes } else { no }
 }
 
 #[inline(always)]
 fn transform(matrix: &[[f64; 3]; 3], c: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| matrix[i][0] * c[0] + matrix[i][1] * c[1] + matrix[i][2] * c[2])
+    let row = |m: &[f64; 3]| m[0] * c[0] + m[1] * c[1] + m[2] * c[2];
+    [row(&matrix[0]), row(&matrix[1]), row(&matrix[2])]
 }
 
-/// The study's colour coordinates: the program multiplies the row vector RGB by the matrix from the left, so that its
-/// columns weigh the channels, and divides by a white of 100; f takes the cube root where it should be linear and a
-/// line of slope 84/108 (for 841/108) where it should be a cube root; L* is linear throughout.
+/// The matrix of the study's program over its white: RGB is multiplied from the left, so that the columns of the
+/// usual matrix weigh the channels; the white is that of values up to 100.
+const STUDY_XYZ: [[f64; 3]; 3] = [
+    [0.412453 / 95.047, 0.212671 / 95.047, 0.019334 / 95.047],
+    [0.357580 / 100.0, 0.715160 / 100.0, 0.119193 / 100.0],
+    [0.180423 / 108.883, 0.072169 / 108.883, 0.950227 / 108.883],
+];
+
+/// The study's colour coordinates: f takes the cube root where it should be a line, and a line of slope 84/108 (for
+/// 841/108) where it should be a cube root; L* is linear throughout.
 #[inline(always)]
-fn study_lab(rgb: [f64; 3]) -> [f64; 3] {
-    const COLUMNS: [[f64; 3]; 3] = [
-        [0.412453 / 95.047, 0.212671 / 95.047, 0.019334 / 95.047],
-        [0.357580 / 100.0, 0.715160 / 100.0, 0.119193 / 100.0],
-        [0.180423 / 108.883, 0.072169 / 108.883, 0.950227 / 108.883],
-    ];
-    let xyz = transform(&COLUMNS, rgb);
-    let [fx, fy, fz] = xyz.map(|t| if t < CIELAB_LINEAR_BELOW { cbrt(t) } else { 84.0 / 108.0 * t + 16.0 / 116.0 });
-    [116.0 * xyz[1] - 16.0, 500.0 * (fx - fy), 200.0 * (fy - fz)]
+fn study_lab(rgb: [f64; 3], relative_xyz: &[[f64; 3]; 3]) -> [f64; 3] {
+    let [x, y, z] = transform(relative_xyz, rgb);
+    // Both branches are computed, so that the loop has none.
+    let f = |t: f64| select(t < CIELAB_LINEAR_BELOW, cbrt(t), 84.0 / 108.0 * t + 16.0 / 116.0);
+    let (fx, fy, fz) = (f(x), f(y), f(z));
+    [116.0 * y - 16.0, 500.0 * (fx - fy), 200.0 * (fy - fz)]
 }
 
 /// Matrix from the BRDF (1/sr) to X/Xn, Y/Yn, Z/Zn of the radiance factor pi f, and from cbrt(f) to those of
 /// cbrt(pi f); a perfect white diffuser gives (1, 1, 1) in both.
-const PI_LAB: [[f64; 3]; 3] = relative_xyz(std::f64::consts::PI);
-const CBRT_PI_LAB: [[f64; 3]; 3] = relative_xyz(1.464_591_887_561_523_2);
+const RADIANCE_FACTOR: [[f64; 3]; 3] = relative_xyz(std::f64::consts::PI);
+const RADIANCE_FACTOR_ROOT: [[f64; 3]; 3] = relative_xyz(1.464_591_887_561_523_2);
 
 const fn relative_xyz(scale: f64) -> [[f64; 3]; 3] {
     let mut matrix = XYZ_FROM_REC709;
@@ -274,7 +271,29 @@ const fn relative_xyz(scale: f64) -> [[f64; 3]; 3] {
 /// L*, a*, b* as [`crate::math::color::cielab`] defines them.
 #[inline(always)]
 fn cielab(rgb: [f64; 3], relative_xyz: &[[f64; 3]; 3]) -> [f64; 3] {
-    let [fx, fy, fz] = transform(relative_xyz, rgb)
-        .map(|t| if t > CIELAB_LINEAR_BELOW { cbrt(t) } else { CIELAB_SLOPE * t + 4.0 / 29.0 });
+    let [x, y, z] = transform(relative_xyz, rgb);
+    let f = |t: f64| select(t > CIELAB_LINEAR_BELOW, cbrt(t), CIELAB_SLOPE * t + 4.0 / 29.0);
+    let (fx, fy, fz) = (f(x), f(y), f(z));
     [116.0 * fy - 16.0, 500.0 * (fx - fy), 200.0 * (fy - fz)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::seed::stream;
+    use rand::Rng;
+
+    /// On a processor without AVX2 both sides are the same code.
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let work = Work::for_variants(LpVariant::every());
+        let mut rng = stream(3, "lp kernel", 0);
+        for cosine in [1.0, 0.3, EPSILON] {
+            let mut space = Workspace::new();
+            for plane in space.reference.rgb.iter_mut().chain(&mut space.candidate.rgb) {
+                plane.iter_mut().for_each(|x| *x = 10f64.powf(rng.random_range(-6.0..5.0)));
+            }
+            assert_eq!(space.sums(cosine, &work), sums(&mut space, cosine, &work));
+        }
+    }
 }

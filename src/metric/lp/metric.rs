@@ -52,7 +52,8 @@ impl Metric for LpMetric {
         Properties {
             unit: self.variant.unit(),
             symmetric: true,
-            usable_as_loss: true,
+            // The colour coordinates of D6 jump.
+            usable_as_loss: formula != Formula::D6,
             summary: format!("{}{cube_root}{clamped}", formula.summary()),
             source: match formula {
                 Formula::Lab => "CIE 15:2018, section 8.2.1, weighted as D6",
@@ -66,7 +67,7 @@ impl Metric for LpMetric {
     }
 
     fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        self.between(&*cells(reference, "reference"), &*cells(candidate, "candidate"))
+        self.between(&*cells(reference, "reference")?, &*cells(candidate, "candidate")?)
     }
 
     fn as_lp(&self) -> Option<LpVariant> {
@@ -81,6 +82,6 @@ struct Prepared<'a> {
 
 impl PreparedMetric for Prepared<'_> {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        self.metric.between(&*self.reference, &*cells(candidate, "candidate"))
+        self.metric.between(&*self.reference, &*cells(candidate, "candidate")?)
     }
 }

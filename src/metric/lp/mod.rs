@@ -25,7 +25,8 @@
 //! root is that of the radiance factor.
 //!
 //! Cells that are invalid in either BRDF are left out: of the sums, and of the number by which they are divided. BRDFs
-//! that are not tables on [`Grid::TITOPO`](crate::brdf::Grid::TITOPO) are evaluated at its cells.
+//! that are not tables on [`Grid::TITOPO`](crate::brdf::Grid::TITOPO) are evaluated at its cells: tables in f32, as they
+//! are stored, everything else in f64.
 //!
 //! Cost: one pass over 2 x 35 MB, about 50 roots and 6 logarithms a cell; rows of theta_i run in parallel and are
 //! added up in order, so that the result has the same bits for any number of threads.
@@ -78,7 +79,7 @@ impl LpDistances {
         variants: &[LpVariant],
     ) -> Result<Self, MetricError> {
         let work = Work::for_variants(variants.iter().copied());
-        let (reference, candidate) = (block::cells(reference, "reference"), block::cells(candidate, "candidate"));
+        let (reference, candidate) = (block::cells(reference, "reference")?, block::cells(candidate, "candidate")?);
         let sums = Sums::over(&*reference, &*candidate, &work)?;
         for &variant in variants {
             metric::checked_distance(&sums, variant)?;

@@ -1,7 +1,7 @@
 //! A study that a user writes: a CSV file with one row a rated pair.
 //!
-//! Columns, by name and in any order: `reference`, `candidate` (sources in the notation of every command) and `mos`
-//! (1 to 5); optional `weight` (default 1), `material` (default: the reference as written), `group` (default: the
+//! Columns, by name and in any order: `reference`, `candidate` (sources in the notation of every command; relative paths
+//! start beside the file, else where every command looks) and `mos` (1 to 5); optional `weight` (default 1), `material` (default: the reference as written), `group` (default: the
 //! material), `method` (default `unnamed`), `method_family` (default: the method) and `material_type`.
 
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
@@ -12,12 +12,12 @@ use std::path::Path;
 const REQUIRED: [&str; 3] = ["reference", "candidate", "mos"];
 const OPTIONAL: [&str; 6] = ["weight", "material", "group", "method", "method_family", "material_type"];
 
-/// Loads the study in the file at `path`. Relative sources start from `base`, or from the file's folder without one.
-pub fn load(path: &Path, base: Option<&Path>) -> Result<Study, DatasetError> {
+/// Loads the study in the file at `path`.
+pub fn load(path: &Path) -> Result<Study, DatasetError> {
     let unreadable = |e: std::io::Error| DatasetError::Unreadable { path: path.into(), reason: e.to_string() };
     let bytes = std::fs::read(path).map_err(unreadable)?;
-    let base = base.or_else(|| path.parent()).unwrap_or(Path::new(""));
-    let pairs = parse(path, &bytes, base)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let pairs = parse(path, &bytes, folder)?;
     let name = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
     if pairs.is_empty() {
         return Err(DatasetError::NoPairs { study: name, reason: format!("{} has no row", path.display()) });
@@ -27,7 +27,7 @@ pub fn load(path: &Path, base: Option<&Path>) -> Result<Study, DatasetError> {
     Ok(Study { name, synthetic: false, completeness, files: vec![file], pairs })
 }
 
-fn parse(path: &Path, bytes: &[u8], base: &Path) -> Result<Vec<RatedPair>, DatasetError> {
+fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, DatasetError> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(bytes);
     let header = reader.headers().map_err(|e| csv_error(path, &e))?.clone();
     let columns = check_header(path, &header)?;
@@ -41,7 +41,7 @@ fn parse(path: &Path, bytes: &[u8], base: &Path) -> Result<Vec<RatedPair>, Datas
             return Err(field(path, line, "the number of fields", found, allowed));
         }
         let cell = |name: &str| columns.get(name).and_then(|&i| record.get(i)).unwrap_or("");
-        let pair = parse_row(path, line, &cell, base)?;
+        let pair = parse_row(path, line, &cell, folder)?;
         let (group, first) = groups.entry(pair.material.clone()).or_insert_with(|| (pair.group.clone(), line));
         if *group != pair.group {
             let allowed = format!("`{group}`, the group of material {} on line {first}", pair.material);
@@ -73,7 +73,7 @@ fn parse_row<'a>(
     path: &Path,
     line: u64,
     cell: &impl Fn(&str) -> &'a str,
-    base: &Path,
+    folder: &Path,
 ) -> Result<RatedPair, DatasetError> {
     let or = |name: &str, default: &str| if cell(name).is_empty() { default.to_owned() } else { cell(name).to_owned() };
     for name in REQUIRED {
@@ -90,8 +90,8 @@ fn parse_row<'a>(
     let material = or("material", cell("reference"));
     let method = or("method", "unnamed");
     Ok(RatedPair {
-        reference: BrdfSource::Notation(resolve(base, cell("reference"))),
-        candidate: BrdfSource::Notation(resolve(base, cell("candidate"))),
+        reference: source(path, line, "reference", cell("reference"), folder)?,
+        candidate: source(path, line, "candidate", cell("candidate"), folder)?,
         group: or("group", &material),
         material,
         method_family: or("method_family", &method),
@@ -102,9 +102,20 @@ fn parse_row<'a>(
     })
 }
 
-/// A source written relative to `base`; models written out as JSON and absolute paths stay as they are.
-fn resolve(base: &Path, source: &str) -> String {
-    if source.starts_with('{') { source.to_owned() } else { base.join(source).to_string_lossy().into_owned() }
+/// A checked source, with its path beside the study file where that exists. Other relative paths stay as written, and
+/// are looked for when they are opened, as every command looks for them.
+fn source(path: &Path, line: u64, column: &'static str, text: &str, folder: &Path) -> Result<BrdfSource, DatasetError> {
+    let beside = folder.join(text).to_string_lossy().into_owned();
+    let place = beside.split('?').next().unwrap_or(&beside);
+    let collection = place.rsplit_once(':').map_or(place, |(collection, _)| collection);
+    let is_beside = Path::new(place).is_file() || Path::new(collection).is_file();
+    let notation = if is_beside { &beside } else { text };
+    BrdfSource::parse(notation).map_err(|cause| DatasetError::Source {
+        path: path.into(),
+        line,
+        column,
+        cause: Box::new(cause),
+    })
 }
 
 fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
@@ -135,7 +146,14 @@ mod tests {
     use super::*;
 
     fn parse_text(text: &str) -> Result<Vec<RatedPair>, DatasetError> {
-        parse(Path::new("s.csv"), text.as_bytes(), Path::new("base"))
+        parse(Path::new("s.csv"), text.as_bytes(), Path::new("nowhere"))
+    }
+
+    fn notation(source: &BrdfSource) -> &str {
+        match source {
+            BrdfSource::Notation(n) => n,
+            BrdfSource::Generated(_) => panic!("a CSV holds notations"),
+        }
     }
 
     #[test]
@@ -146,38 +164,43 @@ mod tests {
         assert_eq!([&p.material, &p.group], ["lib.zip:teflon"; 2]);
         assert_eq!([&p.method, &p.method_family], ["unnamed"; 2]);
         assert_eq!(p.material_type, None);
-        let BrdfSource::Notation(candidate) = &p.candidate else { panic!("a CSV holds notations") };
-        assert_eq!(Path::new(candidate), Path::new("base").join("a.titopo"));
+        assert_eq!((notation(&p.reference), notation(&p.candidate)), ("lib.zip:teflon", "a.titopo"));
     }
 
     #[test]
-    fn a_model_and_an_absolute_path_are_kept() {
-        let text = "reference,candidate,mos\n/x/a.binary,\"{\"\"model\"\":\"\"lambert\"\"}\",2\n";
-        let pairs = parse_text(text).unwrap();
-        let notation = |s: &BrdfSource| match s {
-            BrdfSource::Notation(n) => n.clone(),
-            BrdfSource::Generated(_) => panic!("a CSV holds notations"),
-        };
-        assert_eq!(notation(&pairs[0].reference), "/x/a.binary");
-        assert_eq!(notation(&pairs[0].candidate), "{\"model\":\"lambert\"}");
+    fn sources_beside_the_file_are_found_there() {
+        let dir = tempfile::tempdir().unwrap();
+        for file in ["x.fit", "y.titopo"] {
+            std::fs::write(dir.path().join(file), "").unwrap();
+        }
+        let text = "reference,candidate,mos\ny.titopo,x.fit:teflon?eta=2.5,3\nz.binary,x.fit:nylon,3\n";
+        let pairs = parse(&dir.path().join("s.csv"), text.as_bytes(), dir.path()).unwrap();
+        let beside = |s: &str| dir.path().join(s).to_string_lossy().into_owned();
+        assert_eq!(notation(&pairs[0].reference), beside("y.titopo"));
+        assert_eq!(notation(&pairs[0].candidate), beside("x.fit:teflon?eta=2.5"));
+        assert_eq!(notation(&pairs[1].reference), "z.binary");
+        assert_eq!(notation(&pairs[1].candidate), beside("x.fit:nylon"));
     }
 
     #[test]
     fn every_error_names_file_line_field_found_and_allowed() {
+        let (a, b, c) = ("a.binary", "b.binary", "c.binary");
+        let head = "reference,candidate,mos";
         for (text, expected) in [
-            ("reference,candidate\n", "s.csv: line 1: column `mos` is missing; allowed: reference, candidate, mos"),
-            ("reference,candidate,mos,mood\n", "s.csv: line 1: a column is `mood`; allowed: reference"),
-            ("reference,candidate,mos,mos\n", "s.csv: line 1: a column is `mos` twice"),
-            ("reference,candidate,mos\na,b,3\na,b\n", "s.csv: line 3: the number of fields is 2; allowed: 3"),
-            ("reference,candidate,mos\na,,3\n", "s.csv: line 2: candidate is empty"),
-            ("reference,candidate,mos\na,b,5.5\n", "s.csv: line 2: mos is `5.5`; allowed: 1 (very poor)"),
-            ("reference,candidate,mos\n\na,b,x\n", "s.csv: line 3: mos is `x`"),
-            ("reference,candidate,mos,weight\na,b,3,0\n", "s.csv: line 2: weight is `0`"),
-            ("reference,candidate,mos,weight\na,b,3,inf\n", "s.csv: line 2: weight is `inf`"),
-            ("reference,candidate,mos,group\na,b,3,g\na,c,3,h\n", "s.csv: line 3: group is `h`; allowed: `g`"),
+            ("reference,candidate\n".into(), "line 1: column `mos` is missing; allowed: reference, candidate, mos"),
+            (format!("{head},mood\n"), "line 1: a column is `mood`; allowed: reference"),
+            (format!("{head},mos\n"), "line 1: a column is `mos` twice"),
+            (format!("{head}\n{a},{b},3\n{a},{b}\n"), "line 3: the number of fields is 2; allowed: 3"),
+            (format!("{head}\n{a},,3\n"), "line 2: candidate is empty"),
+            (format!("{head}\n{a},{b},5.5\n"), "line 2: mos is `5.5`; allowed: 1 (very poor)"),
+            (format!("{head}\n\n{a},{b},x\n"), "line 3: mos is `x`"),
+            (format!("{head},weight\n{a},{b},3,0\n"), "line 2: weight is `0`"),
+            (format!("{head},weight\n{a},{b},3,inf\n"), "line 2: weight is `inf`"),
+            (format!("{head},group\n{a},{b},3,g\n{a},{c},3,h\n"), "line 3: group is `h`; allowed: `g`"),
+            (format!("{head}\n{a},b.xyz,3\n"), "line 2: candidate: `b.xyz` is not a BRDF source"),
         ] {
-            let message = parse_text(text).err().map(|e| e.to_string()).unwrap_or_default();
-            assert!(message.starts_with(expected), "{message}");
+            let message = parse_text(&text).err().map(|e| e.to_string()).unwrap_or_default();
+            assert!(message.starts_with(&format!("s.csv: {expected}")), "{message}");
         }
         let message = parse(Path::new("s.csv"), b"reference,candidate,mos\na,\xff,3\n", Path::new("")).err();
         assert!(message.map(|e| e.to_string()).unwrap_or_default().contains("line 2: a field is not UTF-8"));

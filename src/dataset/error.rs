@@ -1,5 +1,6 @@
 //! What can be wrong with a study.
 
+use crate::brdf::BrdfError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -16,6 +17,8 @@ pub enum DatasetError {
     Unreadable { path: PathBuf, reason: String },
     #[error("{}: line {line}: {field} is {found}; allowed: {allowed}", path.display())]
     Field { path: PathBuf, line: u64, field: String, found: String, allowed: String },
+    #[error("{}: line {line}: {column}: {cause}", path.display())]
+    Source { path: PathBuf, line: u64, column: &'static str, cause: Box<BrdfError> },
     #[error("manifest of {study}: {reason}")]
     Manifest { study: String, reason: String },
     #[error("study {study} has no usable pair: {reason}")]

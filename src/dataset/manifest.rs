@@ -13,11 +13,11 @@ const LAVOUE2021_OPEN: &str = include_str!("../../datasets/lavoue2021-open/manif
 
 /// A published study.
 #[derive(Debug, Clone)]
-pub enum Manifest {
-    /// A study with ratings of its own, whose BRDFs are tables.
-    Rated(RatedManifest),
-    /// The pairs of a rated study that can be rebuilt from other files.
-    Rebuilt { rebuilt: RebuiltManifest, base: RatedManifest },
+pub struct Manifest {
+    /// Ratings, material types, sisters and method families; the whole study where nothing is rebuilt.
+    pub rated: RatedManifest,
+    /// How pairs of `rated` are rebuilt from other files than its tables.
+    pub rebuilt: Option<RebuiltManifest>,
 }
 
 /// `manifest.toml` of a study that brings its ratings.
@@ -180,70 +180,44 @@ impl Reliability {
 impl Manifest {
     /// The compiled-in manifest of a study in [`NAMES`].
     pub fn embedded(name: &str) -> Result<Self, DatasetError> {
-        let rated = || RatedManifest::parse("lavoue2021", LAVOUE2021);
-        match name {
-            "lavoue2021" => Ok(Self::Rated(rated()?)),
-            "lavoue2021-open" => {
-                let (rebuilt, base) = (RebuiltManifest::parse(name, LAVOUE2021_OPEN)?, rated()?);
-                rebuilt.check(&base)?;
-                Ok(Self::Rebuilt { rebuilt, base })
-            }
-            _ => Err(DatasetError::Manifest { study: name.into(), reason: "there is no such manifest".into() }),
+        let rated = RatedManifest::parse("lavoue2021", LAVOUE2021)?;
+        let rebuilt = match name {
+            "lavoue2021" => None,
+            "lavoue2021-open" => Some(RebuiltManifest::parse(name, LAVOUE2021_OPEN)?),
+            _ => return Err(manifest_error(name, "there is no such manifest".into())),
+        };
+        if let Some(rebuilt) = &rebuilt {
+            rebuilt.check(&rated)?;
         }
+        Ok(Self { rated, rebuilt })
     }
 
     pub fn name(&self) -> &str {
-        match self {
-            Self::Rated(m) => &m.name,
-            Self::Rebuilt { rebuilt, .. } => &rebuilt.name,
-        }
+        self.rebuilt.as_ref().map_or(&self.rated.name, |m| &m.name)
     }
 
     pub fn title(&self) -> &str {
-        match self {
-            Self::Rated(m) => &m.title,
-            Self::Rebuilt { rebuilt, .. } => &rebuilt.title,
-        }
+        self.rebuilt.as_ref().map_or(&self.rated.title, |m| &m.title)
     }
 
     pub fn doi(&self) -> &str {
-        match self {
-            Self::Rated(m) => &m.doi,
-            Self::Rebuilt { rebuilt, .. } => &rebuilt.doi,
-        }
+        self.rebuilt.as_ref().map_or(&self.rated.doi, |m| &m.doi)
     }
 
     /// Rated pairs of the whole study.
     pub fn pairs(&self) -> usize {
-        match self {
-            Self::Rated(m) => m.pairs,
-            Self::Rebuilt { rebuilt, .. } => rebuilt.pairs,
-        }
-    }
-
-    /// The study that brings ratings, material types, sisters and method families.
-    pub fn rated(&self) -> &RatedManifest {
-        match self {
-            Self::Rated(m) => m,
-            Self::Rebuilt { base, .. } => base,
-        }
+        self.rebuilt.as_ref().map_or(self.rated.pairs, |m| m.pairs)
     }
 
     /// Every pinned file, ratings first.
     pub fn files(&self) -> Vec<&PinnedFile> {
-        let rebuilt = match self {
-            Self::Rated(_) => &[][..],
-            Self::Rebuilt { rebuilt, .. } => &rebuilt.files[..],
-        };
-        self.rated().files.iter().chain(rebuilt).collect()
+        let rebuilt = self.rebuilt.as_ref().map_or(&[][..], |m| &m.files);
+        self.rated.files.iter().chain(rebuilt).collect()
     }
 
     /// What the study needs beside its pinned files.
     pub fn collections(&self) -> &[Collection] {
-        match self {
-            Self::Rated(m) => &m.collections,
-            Self::Rebuilt { .. } => &[],
-        }
+        if self.rebuilt.is_some() { &[] } else { &self.rated.collections }
     }
 }
 
@@ -287,8 +261,9 @@ impl RebuiltManifest {
                 return Err(manifest_error(study, format!("{file} is used but not among the files")));
             }
         }
-        let bad = |e: &f64| !(e.is_finite() && *e >= 0.0);
-        if !(m.reliability.scale > 0.0) || m.reliability.errors.values().any(bad) {
+        let Reliability { scale, errors } = &m.reliability;
+        let sound = scale.is_finite() && *scale > 0.0 && errors.values().all(|e| e.is_finite() && *e >= 0.0);
+        if !sound {
             return Err(manifest_error(study, "reliability needs a positive scale and errors of at least 0".into()));
         }
         Ok(m)
@@ -356,7 +331,7 @@ mod tests {
     #[test]
     fn sisters_share_a_group_and_others_keep_their_name() {
         let m = Manifest::embedded("lavoue2021").unwrap();
-        let m = m.rated();
+        let m = m.rated;
         for (a, b) in [
             ("gold-metallic-paint", "gold-metallic-paint3"),
             ("pink-fabric", "pink-fabric2"),
@@ -380,7 +355,7 @@ mod tests {
     #[test]
     fn families_join_fits_of_one_model() {
         let m = Manifest::embedded("lavoue2021").unwrap();
-        let family = |name: &str| m.rated().method(name).map(|x| x.family.clone()).unwrap();
+        let family = |name: &str| m.rated.method(name).map(|x| x.family.clone()).unwrap();
         for (a, b) in [
             ("ABC", "ABC-OURS"),
             ("WARD", "WARD-OURS"),
@@ -393,14 +368,12 @@ mod tests {
         }
         let alone = ["BAGHER", "SGD", "GGX", "BECKMAN", "DUPUY"];
         assert_eq!(alone.iter().map(|a| family(a)).collect::<BTreeSet<_>>().len(), alone.len());
-        assert_eq!(m.rated().methods.iter().map(|m| m.letter).collect::<BTreeSet<_>>().len(), m.rated().methods.len());
+        assert_eq!(m.rated.methods.iter().map(|m| m.letter).collect::<BTreeSet<_>>().len(), m.rated.methods.len());
     }
 
     #[test]
     fn weights_fall_with_the_error_of_the_reference() {
-        let Manifest::Rebuilt { rebuilt, .. } = Manifest::embedded("lavoue2021-open").unwrap() else {
-            panic!("lavoue2021-open is a rebuilt study");
-        };
+        let rebuilt = Manifest::embedded("lavoue2021-open").unwrap().rebuilt.unwrap();
         let weight = |m: &str| rebuilt.reliability.weight(m);
         assert_eq!(weight("teflon"), 1.0);
         assert!((weight("steel") - 0.3065).abs() < 1e-4);

@@ -22,7 +22,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A reference, a candidate that approximates it, and how similar people found them.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct RatedPair {
     pub reference: BrdfSource,
     pub candidate: BrdfSource,
@@ -82,7 +82,7 @@ pub struct StudyFile {
 }
 
 /// A study: pairs that people (or simulated observers) rated.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct Study {
     pub name: String,
     /// Ratings come from simulated observers; every output says so.
@@ -97,9 +97,8 @@ impl Study {
     /// Loads a study by name (`lavoue2021`, `lavoue2021-open`, `synthetic`) or from a CSV file, whose columns
     /// `datasets/README.md` describes.
     ///
-    /// `data` is the folder that holds a named study's files as its manifest lists them; for a CSV file it is the
-    /// folder that relative sources start from (by default the folder of the CSV file). Nothing but ratings is read
-    /// here: BRDFs are opened later, one by one.
+    /// `data` is the folder that holds a published study's files as its manifest lists them; the other studies do not
+    /// need it here. BRDFs are opened later, one by one, with `BrdfSource::open(data)`.
     ///
     /// # Errors
     /// An unknown name, a missing or malformed file, or a study without a usable pair. A study that is only partly at
@@ -113,7 +112,7 @@ impl Study {
         }
         let path = Path::new(name_or_path);
         if path.is_file() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-            return csv_study::load(path, data);
+            return csv_study::load(path);
         }
         Err(unknown(name_or_path))
     }

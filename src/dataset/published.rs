@@ -20,7 +20,7 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         files.push(file);
         contents.insert(pinned.path.as_str(), bytes);
     }
-    let rated = manifest.rated();
+    let rated = &manifest.rated;
     let bytes = |file: &str| contents.get(file).map_or(&[][..], |b| b.as_slice());
     let ratings = read_ratings(&data.join(&rated.ratings.file), bytes(&rated.ratings.file), rated)?;
     let types_file = &rated.ratings.material_types;
@@ -37,18 +37,13 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         mos: rating.mos,
         weight,
     };
-    let pairs: Vec<RatedPair> = match manifest {
-        Manifest::Rated(m) => {
-            ratings.iter().filter_map(|r| table_sources(m, data, r).map(|sources| pair(r, sources, 1.0))).collect()
-        }
-        Manifest::Rebuilt { rebuilt, .. } => ratings
-            .iter()
-            .filter_map(|r| {
-                let weight = rebuilt.reliability.weight(&r.material);
-                rebuilt_sources(rebuilt, data, r).map(|sources| pair(r, sources, weight))
-            })
-            .collect(),
-    };
+    let pairs: Vec<RatedPair> = ratings
+        .iter()
+        .filter_map(|r| match &manifest.rebuilt {
+            None => table_sources(rated, data, r).map(|sources| pair(r, sources, 1.0)),
+            Some(m) => rebuilt_sources(m, data, r).map(|sources| pair(r, sources, m.reliability.weight(&r.material))),
+        })
+        .collect();
     if pairs.is_empty() {
         return Err(no_pairs(manifest, data, ratings.len()));
     }

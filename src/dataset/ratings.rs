@@ -101,7 +101,7 @@ mod tests {
 
     fn ratings(text: &str) -> Result<Vec<Rating>, DatasetError> {
         let manifest = Manifest::embedded("lavoue2021")?;
-        read_ratings(Path::new("r.csv"), text.as_bytes(), manifest.rated())
+        read_ratings(Path::new("r.csv"), text.as_bytes(), &manifest.rated)
     }
 
     #[test]
@@ -131,7 +131,7 @@ mod tests {
     fn rows_that_are_no_material_are_ignored() {
         let manifest = Manifest::embedded("lavoue2021").unwrap();
         let text = "BRDF;Type\nteflon;Dielectric\nsteel_ntheta=64;Metal\nmerl_new_metal_001;CMetal\nsteel;Metal\n";
-        let types = read_types(Path::new("t.csv"), text.as_bytes(), manifest.rated()).unwrap();
+        let types = read_types(Path::new("t.csv"), text.as_bytes(), &manifest.rated).unwrap();
         assert_eq!(types.len(), 2);
         assert_eq!(types["steel"], "Metal");
     }

@@ -2,6 +2,7 @@
 
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
 /// What a column of the matrix says.
@@ -47,6 +48,10 @@ pub struct Row {
 pub enum SamplesError {
     #[error("{what}: found {found}, expected {expected}")]
     Shape { what: &'static str, found: usize, expected: usize },
+    #[error("column {name} stands twice; every descriptor has its own name")]
+    DuplicateColumn { name: String },
+    #[error("row {row}: material {material} is in group {found}, but its other rows are in {expected}")]
+    TwoGroups { row: usize, material: String, found: String, expected: String },
     #[error("row {row} ({material}, {method}): {column} is {value}; every descriptor must be finite")]
     NotFinite { row: usize, material: String, method: String, column: String, value: f64 },
     #[error("row {row} ({material}, {method}): {what} is {value}; allowed: {allowed}")]
@@ -62,14 +67,27 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Checked: shapes agree, descriptors are finite, scores lie in 1..=5 and weights are positive and finite.
+    /// Checked: shapes agree, column names are unique, descriptors are finite, scores lie in 1..=5, weights are positive
+    /// and finite, and a material is in one group.
     pub fn new(columns: Vec<Column>, rows: Vec<Row>, features: Array2<f64>) -> Result<Self, SamplesError> {
         let shape = |what, found, expected| {
             if found == expected { Ok(()) } else { Err(SamplesError::Shape { what, found, expected }) }
         };
         shape("rows of the feature matrix", features.nrows(), rows.len())?;
         shape("columns of the feature matrix", features.ncols(), columns.len())?;
+        check_columns(&columns)?;
+        let mut group_of: BTreeMap<&str, &str> = BTreeMap::new();
         for (i, (row, values)) in rows.iter().zip(features.outer_iter()).enumerate() {
+            let expected = *group_of.entry(&row.material).or_insert(&row.group);
+            if expected != row.group {
+                return Err(SamplesError::TwoGroups {
+                    row: i,
+                    material: row.material.clone(),
+                    found: row.group.clone(),
+                    expected: expected.to_owned(),
+                });
+            }
+            check_row(i, row)?;
             if let Some((c, &value)) = columns.iter().zip(values).find(|(_, v)| !v.is_finite()) {
                 return Err(SamplesError::NotFinite {
                     row: i,
@@ -78,22 +96,6 @@ impl Samples {
                     column: c.name.clone(),
                     value,
                 });
-            }
-            let rating = |what, value, allowed| {
-                Err(SamplesError::Rating {
-                    row: i,
-                    material: row.material.clone(),
-                    method: row.method.clone(),
-                    what,
-                    value,
-                    allowed,
-                })
-            };
-            if !(1.0..=5.0).contains(&row.mos) {
-                return rating("mos", row.mos, "1 to 5");
-            }
-            if !(row.weight > 0.0 && row.weight.is_finite()) {
-                return rating("weight", row.weight, "greater than 0");
             }
         }
         Ok(Self { columns, rows, features })
@@ -140,6 +142,87 @@ impl Samples {
             columns: indices.iter().map(|&i| self.columns[i].clone()).collect(),
             rows: self.rows.clone(),
             features: self.features.select(Axis(1), &indices),
+        }
+    }
+}
+
+fn check_columns(columns: &[Column]) -> Result<(), SamplesError> {
+    let mut names = BTreeSet::new();
+    match columns.iter().find(|c| !names.insert(&c.name)) {
+        Some(c) => Err(SamplesError::DuplicateColumn { name: c.name.clone() }),
+        None => Ok(()),
+    }
+}
+
+fn check_row(index: usize, row: &Row) -> Result<(), SamplesError> {
+    let error = |what, value, allowed| {
+        let (material, method) = (row.material.clone(), row.method.clone());
+        Err(SamplesError::Rating { row: index, material, method, what, value, allowed })
+    };
+    if !(1.0..=5.0).contains(&row.mos) {
+        return error("mos", row.mos, "1 to 5");
+    }
+    if !(row.weight > 0.0 && row.weight.is_finite()) {
+        return error("weight", row.weight, "finite and greater than 0");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    fn row(material: &str, group: &str) -> Row {
+        Row {
+            material: material.into(),
+            group: group.into(),
+            method: "m".into(),
+            method_family: "m".into(),
+            material_type: None,
+            mos: 3.0,
+            weight: 1.0,
+        }
+    }
+
+    fn columns() -> Vec<Column> {
+        let column = |name: &str, role| Column { name: name.into(), family: "f".into(), role };
+        vec![column("d", Role::Difference), column("c", Role::Context)]
+    }
+
+    fn samples() -> Samples {
+        let rows = vec![row("a", "a"), row("b", "b"), row("c", "c")];
+        Samples::new(columns(), rows, array![[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]).unwrap()
+    }
+
+    #[test]
+    fn selections_keep_rows_and_columns_together() {
+        let s = samples().select_rows(&[2, 0, 2]);
+        assert_eq!(s.features(), array![[5.0, 6.0], [1.0, 2.0], [5.0, 6.0]]);
+        assert_eq!(s.rows().iter().map(|r| r.material.as_str()).collect::<Vec<_>>(), ["c", "a", "c"]);
+        let context = samples().select_columns(|c| c.role == Role::Context);
+        assert_eq!(context.features(), array![[2.0], [4.0], [6.0]]);
+        assert_eq!(context.columns().len(), 1);
+    }
+
+    #[test]
+    fn what_cannot_be_learned_from_is_refused() {
+        let matrix = array![[1.0, 2.0], [3.0, 4.0]];
+        let rows = || vec![row("a", "a"), row("b", "b")];
+        let refused = |columns, rows, features| Samples::new(columns, rows, features).unwrap_err();
+        assert!(matches!(
+            refused(columns(), vec![row("a", "a")], matrix.clone()),
+            SamplesError::Shape { found: 2, .. }
+        ));
+        let twice = vec![columns()[0].clone(), columns()[0].clone()];
+        assert!(matches!(refused(twice, rows(), matrix.clone()), SamplesError::DuplicateColumn { .. }));
+        let nan = array![[1.0, 2.0], [3.0, f64::NAN]];
+        assert!(matches!(refused(columns(), rows(), nan), SamplesError::NotFinite { row: 1, .. }));
+        let split = vec![row("a", "a"), row("a", "b")];
+        assert!(matches!(refused(columns(), split, matrix.clone()), SamplesError::TwoGroups { row: 1, .. }));
+        for (mos, weight) in [(0.9, 1.0), (f64::NAN, 1.0), (3.0, 0.0), (3.0, f64::INFINITY)] {
+            let rows = vec![row("a", "a"), Row { mos, weight, ..row("b", "b") }];
+            assert!(matches!(refused(columns(), rows, matrix.clone()), SamplesError::Rating { row: 1, .. }));
         }
     }
 }

@@ -71,7 +71,8 @@ impl TrainingSet {
     /// groups where those are fewer.
     pub fn inner_folds(&self, k: usize, seed: u64) -> Result<Vec<Fold>, SplitError> {
         let groups = groups(&self.samples).len();
-        grouped_folds(&self.samples, k.min(groups), seed)
+        // Two folds at least, so that one group is an error that says so.
+        grouped_folds(&self.samples, k.min(groups).max(2), seed)
     }
 
     /// The rows that `keep` accepts.
@@ -189,18 +190,155 @@ pub fn method_and_group_folds(samples: &Samples, k: usize, seed: u64) -> Result<
     Ok(folds)
 }
 
-/// One fold a material type: trained on the other types (dielectrics to metals and back).
+/// One fold a material type: trained on the other types (dielectrics to metals and back), without the sisters of
+/// held-out materials. Rows whose type is unknown are on neither side.
 pub fn material_type_folds(samples: &Samples) -> Result<Vec<Fold>, SplitError> {
     let types: BTreeSet<&String> = samples.rows().iter().filter_map(|r| r.material_type.as_ref()).collect();
     types
         .into_iter()
         .map(|t| {
-            fold(
-                samples,
-                t,
-                |r| r.material_type.as_ref() == Some(t),
-                |r| r.material_type.as_ref().is_some_and(|other| other != t),
-            )
+            let is_held = |r: &Row| r.material_type.as_ref() == Some(t);
+            let held: BTreeSet<&str> = samples.rows().iter().filter(|r| is_held(r)).map(|r| r.group.as_str()).collect();
+            let trains = |r: &Row| r.material_type.as_ref().is_some_and(|other| other != t);
+            fold(samples, t, is_held, |r| trains(r) && !held.contains(r.group.as_str()))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples::Role;
+    use super::*;
+    use ndarray::Array2;
+
+    /// `groups` groups of two materials each, every material by three methods of two families; the only column is the
+    /// row's number.
+    fn samples(groups: usize) -> Samples {
+        let mut rows = Vec::new();
+        for g in 0..groups {
+            for material in 0..2 {
+                // Larger groups now and then, as sisters make them.
+                for copy in 0..if g % 3 == 0 { 2 } else { 1 } {
+                    for (method, family) in [("A", "A"), ("A-OURS", "A"), ("B", "B")] {
+                        rows.push(Row {
+                            material: format!("m{g}.{material}.{copy}"),
+                            group: format!("g{g}"),
+                            method: method.into(),
+                            method_family: family.into(),
+                            material_type: Some(if g % 2 == 0 { "Metal" } else { "Dielectric" }.into()),
+                            mos: 1.0 + (rows.len() % 5) as f64,
+                            weight: 1.0,
+                        });
+                    }
+                }
+            }
+        }
+        let features = Array2::from_shape_fn((rows.len(), 1), |(i, _)| i as f64);
+        let column = Column { name: "row".into(), family: "test".into(), role: Role::Difference };
+        Samples::new(vec![column], rows, features).unwrap()
+    }
+
+    fn groups_of(rows: &[Row]) -> BTreeSet<&str> {
+        rows.iter().map(|r| r.group.as_str()).collect()
+    }
+
+    fn families_of(rows: &[Row]) -> BTreeSet<&str> {
+        rows.iter().map(|r| r.method_family.as_str()).collect()
+    }
+
+    /// Every row is held out exactly once, under its own index, and no group is on both sides.
+    fn check(samples: &Samples, folds: &[Fold]) {
+        let mut times = vec![0; samples.len()];
+        for fold in folds {
+            assert!(groups_of(fold.training.rows()).is_disjoint(&groups_of(fold.held_out.rows())));
+            for (&i, values) in fold.held_out.indices().iter().zip(fold.held_out.features().outer_iter()) {
+                times[i] += 1;
+                assert_eq!(values[0], i as f64);
+            }
+        }
+        assert!(times.iter().all(|&t| t == 1));
+    }
+
+    #[test]
+    fn grouped_folds_hold_each_row_out_once_and_balance_rows() {
+        let s = samples(23);
+        let folds = grouped_folds(&s, 5, 1).unwrap();
+        check(&s, &folds);
+        let sizes: Vec<usize> = folds.iter().map(|f| f.held_out.rows().len()).collect();
+        // A group has at most 12 rows, so no two folds differ by more.
+        assert!(sizes.iter().max().unwrap() - sizes.iter().min().unwrap() <= 12, "{sizes:?}");
+        assert!(folds.iter().all(|f| f.training.rows().len() + f.held_out.rows().len() == s.len()));
+    }
+
+    #[test]
+    fn the_seed_decides_and_nothing_else() {
+        let s = samples(12);
+        let held = |seed| -> Vec<Vec<usize>> {
+            grouped_folds(&s, 4, seed).unwrap().iter().map(|f| f.held_out.indices().to_vec()).collect()
+        };
+        assert_eq!(held(7), held(7));
+        assert_ne!(held(7), held(8));
+    }
+
+    #[test]
+    fn inner_folds_never_see_the_outer_held_out_rows() {
+        let s = samples(10);
+        for outer in grouped_folds(&s, 5, 3).unwrap() {
+            let forbidden = groups_of(outer.held_out.rows());
+            for inner in outer.training.inner_folds(4, 9).unwrap() {
+                assert!(groups_of(inner.training.rows()).is_disjoint(&groups_of(inner.held_out.rows())));
+                assert!(groups_of(inner.training.rows()).is_disjoint(&forbidden));
+                assert!(groups_of(inner.held_out.rows()).is_disjoint(&forbidden));
+            }
+        }
+        // As many folds as groups where there are fewer.
+        assert_eq!(TrainingSet::whole(&samples(3)).inner_folds(10, 0).unwrap().len(), 3);
+    }
+
+    #[test]
+    fn method_folds_have_seen_neither_the_family_nor_the_material() {
+        let s = samples(8);
+        let folds = method_and_group_folds(&s, 4, 2).unwrap();
+        check(&s, &folds);
+        assert!(folds.iter().all(|f| families_of(f.training.rows()).is_disjoint(&families_of(f.held_out.rows()))));
+    }
+
+    #[test]
+    fn type_folds_train_on_the_other_type() {
+        let s = samples(8);
+        let folds = material_type_folds(&s).unwrap();
+        check(&s, &folds);
+        assert_eq!(folds.len(), 2);
+        // Sisters of different types are kept from training too.
+        let mut rows = s.rows().to_vec();
+        rows[0].material_type = Some("Dielectric".into());
+        let mixed = Samples::new(s.columns().to_vec(), rows, s.features().to_owned()).unwrap();
+        check(&mixed, &material_type_folds(&mixed).unwrap());
+    }
+
+    #[test]
+    fn a_resample_draws_whole_groups() {
+        let training = TrainingSet::whole(&samples(9));
+        let drawn = training.resample_groups(1, 0);
+        let mut size: BTreeMap<&str, usize> = BTreeMap::new();
+        training.rows().iter().for_each(|r| *size.entry(&r.group).or_default() += 1);
+        let mut count: BTreeMap<&str, usize> = BTreeMap::new();
+        drawn.rows().iter().for_each(|r| *count.entry(&r.group).or_default() += 1);
+        let draws: usize = count.iter().map(|(g, n)| n / size[g]).sum();
+        assert!(count.iter().all(|(g, n)| n % size[g] == 0));
+        assert_eq!(draws, 9);
+        assert_eq!(drawn.rows(), training.resample_groups(1, 0).rows());
+        assert_ne!(drawn.rows(), training.resample_groups(1, 1).rows());
+    }
+
+    #[test]
+    fn impossible_splits_say_why() {
+        let s = samples(3);
+        assert_eq!(grouped_folds(&s, 4, 0).unwrap_err(), SplitError::TooFewGroups { folds: 4, groups: 3 });
+        assert_eq!(grouped_folds(&s, 1, 0).unwrap_err(), SplitError::TooFewFolds { folds: 1 });
+        let one = TrainingSet::whole(&samples(1));
+        assert_eq!(one.inner_folds(5, 0).unwrap_err(), SplitError::TooFewGroups { folds: 2, groups: 1 });
+        let one_family = s.select_rows(&(0..s.len()).filter(|&i| s.rows()[i].method_family == "A").collect::<Vec<_>>());
+        assert!(matches!(method_and_group_folds(&one_family, 2, 0), Err(SplitError::EmptySide { .. })));
+    }
 }

@@ -9,3 +9,5 @@ mod lp_golden;
 mod naive_lp;
 mod report;
 mod rooms;
+#[cfg(feature = "train")]
+mod train;

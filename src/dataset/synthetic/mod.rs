@@ -112,34 +112,89 @@ fn rated(material: &NamedMaterial, pair: Pair, grades: &Grades) -> RatedPair {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Instant;
+    use std::sync::LazyLock;
+
+    static STUDY: LazyLock<SyntheticStudy> = LazyLock::new(|| generate(SEED).expect("the embedded study"));
+
+    fn mean(v: &[f64]) -> f64 {
+        v.iter().sum::<f64>() / v.len() as f64
+    }
+
+    fn deviation(v: &[f64]) -> f64 {
+        mean(&v.iter().map(|x| (x - mean(v)).powi(2)).collect::<Vec<_>>()).sqrt()
+    }
+
+    fn correlation(a: &[f64], b: &[f64]) -> f64 {
+        let products: Vec<f64> = a.iter().zip(b).map(|(x, y)| (x - mean(a)) * (y - mean(b))).collect();
+        mean(&products) / (deviation(a) * deviation(b))
+    }
+
+    fn scores() -> Vec<f64> {
+        STUDY.study.pairs.iter().map(|p| p.mos).collect()
+    }
 
     #[test]
-    #[ignore]
-    fn report() {
-        let t = Instant::now();
-        let s = generate(SEED).unwrap();
-        println!("{} pairs in {:?}", s.quality.len(), t.elapsed());
-        let mut by: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for p in &s.study.pairs {
-            by.entry(&p.method).or_default().push(p.mos);
-        }
-        let stat = |v: &[f64]| {
-            let m = v.iter().sum::<f64>() / v.len() as f64;
-            let sd = (v.iter().map(|x| (x - m).powi(2)).sum::<f64>() / v.len() as f64).sqrt();
-            let (lo, hi) = v.iter().fold((9f64, 0f64), |(a, b), &x| (a.min(x), b.max(x)));
-            format!("n {} mean {m:.2} sd {sd:.2} range {lo:.2} {hi:.2}", v.len())
+    fn the_study_is_marked_whole_and_valid() {
+        let study = &STUDY.study;
+        assert!(study.synthetic && study.completeness.is_whole());
+        assert_eq!(study.pairs.len(), PAIRS);
+        study.validate(10).unwrap();
+        assert!(study.groups() >= 40);
+    }
+
+    #[test]
+    fn ratings_spread_like_those_of_people() {
+        let mos = scores();
+        // The human study's rated pairs have mean 3.4, standard deviation .96 and range 1.0 to 4.8.
+        assert!((2.8..3.6).contains(&mean(&mos)), "{}", mean(&mos));
+        assert!((0.9..1.2).contains(&deviation(&mos)), "{}", deviation(&mos));
+        assert!(mos.iter().any(|&m| m < 1.5) && mos.iter().any(|&m| m > 4.7));
+    }
+
+    #[test]
+    fn the_panel_recovers_the_truth_up_to_its_noise() {
+        let r = correlation(&scores(), &STUDY.quality);
+        assert!((0.97..0.9999).contains(&r), "{r}");
+        // Split halves agree about as those of people do (.964 in the human study).
+        let half = |from: usize| -> Vec<f64> {
+            STUDY
+                .grades
+                .iter()
+                .map(|g| mean(&g[from..from + 15].iter().map(|&x| f64::from(x)).collect::<Vec<_>>()))
+                .collect()
         };
-        for (k, v) in &by {
-            println!("{k:14} {}", stat(v));
+        let halves = correlation(&half(0), &half(15));
+        assert!((0.93..0.99).contains(&halves), "{halves}");
+    }
+
+    #[test]
+    fn steps_towards_another_material_look_worse_the_longer_they_are() {
+        let mut by_material: BTreeMap<&str, BTreeMap<&str, f64>> = BTreeMap::new();
+        for (p, &q) in STUDY.study.pairs.iter().zip(&STUDY.quality).filter(|(p, _)| p.method_family == "STEPS") {
+            by_material.entry(&p.material).or_default().insert(&p.method, q);
         }
-        println!("all {}", stat(&s.study.pairs.iter().map(|p| p.mos).collect::<Vec<_>>()));
-        let mut by: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for p in &s.study.pairs {
-            by.entry(&p.material).or_default().push(p.mos);
+        assert_eq!(by_material.len(), 48);
+        for (material, q) in by_material {
+            assert!(q["STEP.1"] > q["STEP.2"] && q["STEP.2"] > q["STEP.3"], "{material}: {q:?}");
         }
-        for (k, v) in &by {
-            println!("{k:18} {}", stat(v));
-        }
+    }
+
+    #[test]
+    fn content_does_not_depend_on_the_panel_and_ratings_do() {
+        let other = generate(SEED + 1).unwrap();
+        let again = generate(SEED).unwrap();
+        let content = |s: &SyntheticStudy| -> Vec<_> {
+            let hash = |b: &BrdfSource| match b {
+                BrdfSource::Generated(open) => open.content,
+                BrdfSource::Notation(_) => panic!("everything is generated"),
+            };
+            s.study.pairs.iter().map(|p| (hash(&p.reference), hash(&p.candidate))).collect()
+        };
+        assert_eq!(content(&other), content(&STUDY));
+        assert_eq!(other.quality, STUDY.quality);
+        assert_ne!(other.grades, STUDY.grades);
+        assert_eq!(again.grades, STUDY.grades);
+        let distinct: std::collections::BTreeSet<_> = content(&STUDY).into_iter().map(|(_, c)| c).collect();
+        assert_eq!(distinct.len(), PAIRS);
     }
 }

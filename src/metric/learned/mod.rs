@@ -5,6 +5,6 @@ mod regressor;
 
 pub use exported::{ExportedError, ExportedMetric, Score};
 pub use regressor::{
-    Activation, Dense, Feature, Function, Input, Kernel, Regressor, RegressorError, Standardizer, Term, forward,
-    sign_root,
+    Activation, Dense, Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term,
+    forward, sign_root,
 };

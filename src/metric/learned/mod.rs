@@ -7,6 +7,6 @@ mod regressor;
 pub use exported::{ExportedError, ExportedMetric, Score};
 pub use metric::{COMPACT, LearnedMetric, compact_descriptors};
 pub use regressor::{
-    Activation, Dense, Feature, Function, Input, Kernel, Regressor, RegressorError, Standardizer, Term, forward,
-    sign_root,
+    Activation, Dense, Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term,
+    forward, sign_root,
 };

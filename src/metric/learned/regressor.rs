@@ -156,10 +156,23 @@ pub fn forward(layers: &[Dense], activation: Activation, x: &[f64]) -> Vec<f64> 
     x
 }
 
-/// k(a, b) = exp(-|a - b| / (length sqrt d)) + linear a.b / d, with d the number of features.
+/// How a kernel falls off with r = |a - b| / (length sqrt d), d the number of features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Radial {
+    /// exp(-r).
+    Exponential,
+    /// (1 + sqrt(3) r) exp(-sqrt(3) r): Matern's with nu = 3/2 (Rasmussen & Williams 2006, eq. 4.17).
+    Matern32,
+    /// exp(-r^2 / 2).
+    Gaussian,
+}
+
+/// k(a, b) = radial(|a - b| / (length sqrt d)) + linear a.b / d.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kernel {
+    pub radial: Radial,
     pub length: f64,
     pub linear: f64,
 }
@@ -173,7 +186,15 @@ impl Kernel {
 
     /// The part that depends on the distance alone, in `d` dimensions.
     pub fn radial(&self, distance: f64, d: f64) -> f64 {
-        (-distance / (self.length * d.sqrt())).exp()
+        let r = distance / (self.length * d.sqrt());
+        match self.radial {
+            Radial::Exponential => (-r).exp(),
+            Radial::Matern32 => {
+                let r = 3f64.sqrt() * r;
+                (1.0 + r) * (-r).exp()
+            }
+            Radial::Gaussian => (-0.5 * r * r).exp(),
+        }
     }
 }
 

@@ -3,10 +3,11 @@
 //!   A = L L^T,   L lower triangular
 //!
 //! Golub & Van Loan, Matrix Computations (4th ed.), 4.2.5 (row by row) and 10.3 (pivoted). The pivoted form stops
-//! early and then is the greedy low-rank factor of Fine & Scheinberg (2001), JMLR 2:243-264. Cost: n^3/3, and n r^2 for
+//! early; its random pivots are those of Chen, Epperly, Tropp & Webber (2025), doi:10.1002/cpa.22234. Cost: n^3/3, and n r^2 for
 //! r pivots. Sums run in a fixed order: the same input gives the same bytes.
 
 use ndarray::{Array2, ArrayView2};
+use rand::Rng;
 
 /// Sum of products, in eight fixed lanes so that it can be vectorised.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -66,20 +67,24 @@ pub(super) struct LowRank {
 }
 
 impl LowRank {
-    /// Chooses up to `rank` rows, each time the one that the rows chosen before explain worst; stops early where
-    /// less than `tolerance` of the largest diagonal element is left.
-    pub(super) fn new(n: usize, rank: usize, tolerance: f64, kernel: ArrayView2<'_, f64>) -> Self {
+    /// Draws up to `rank` rows, each with a probability proportional to what the rows drawn before leave unexplained of
+    /// it; stops early where less than `tolerance` of the largest diagonal element is left of every row.
+    pub(super) fn new(kernel: ArrayView2<'_, f64>, rank: usize, tolerance: f64, rng: &mut impl Rng) -> Self {
+        let n = kernel.nrows();
         let rank = rank.min(n);
         let mut left: Vec<f64> = (0..n).map(|i| kernel[[i, i]]).collect();
         let floor = tolerance * left.iter().fold(0.0f64, |a, &b| a.max(b));
         let mut factor = Array2::<f64>::zeros((n, rank));
         let mut pivots = Vec::with_capacity(rank);
         for r in 0..rank {
-            // The first of equals: the choice must not depend on anything but the numbers.
-            let pivot = (0..n).fold(0, |best, i| if left[i] > left[best] { i } else { best });
-            if left[pivot] <= floor {
-                break;
-            }
+            let open = |left: f64| if left > floor { left } else { 0.0 };
+            let mut mark = rng.random::<f64>() * left.iter().map(|&l| open(l)).sum::<f64>();
+            let drawn = (0..n).filter(|&i| left[i] > floor).find(|&i| {
+                mark -= left[i];
+                mark < 0.0
+            });
+            // Rounding may leave the mark just past the last row.
+            let Some(pivot) = drawn.or_else(|| (0..n).rev().find(|&i| left[i] > floor)) else { break };
             let scale = left[pivot].sqrt();
             let chosen = factor.row(pivot).to_vec();
             for i in 0..n {
@@ -129,7 +134,7 @@ mod tests {
     fn full_rank_reproduces_the_matrix_and_its_functions() {
         let n = 12;
         let kernel = Array2::from_shape_fn((n, n), |(i, j)| (-(i as f64 - j as f64).abs() / 3.0).exp());
-        let low = LowRank::new(n, n, 1e-12, kernel.view());
+        let low = LowRank::new(kernel.view(), n, 1e-12, &mut crate::math::seed::stream(1, "test", 0));
         assert!((&low.factor.dot(&low.factor.t()) - &kernel).iter().all(|e| e.abs() < 1e-12));
         let coefficients: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
         let weights = low.pivot_weights(&coefficients);
@@ -144,6 +149,6 @@ mod tests {
     fn a_repeated_row_is_chosen_once() {
         let x = [0.0, 1.0, 1.0, 2.5];
         let kernel = Array2::from_shape_fn((4, 4), |(i, j)| (-(x[i] - x[j] as f64).abs()).exp());
-        assert_eq!(LowRank::new(4, 4, 1e-9, kernel.view()).pivots.len(), 3);
+        assert_eq!(LowRank::new(kernel.view(), 4, 1e-9, &mut crate::math::seed::stream(1, "test", 0)).pivots.len(), 3);
     }
 }

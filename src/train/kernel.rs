@@ -2,7 +2,7 @@
 //!
 //! With a = (f, c) a row's standardised differences and context, and a0 = (0, c),
 //!
-//!   k(a, b)  = exp(-|a - b| / (l sqrt d)) + s a.b / d                    (d features, s = 0.2)
+//!   k(a, b)  = phi(|a - b| / (l sqrt d)) + s a.b / d     (d features, s = 0.2, phi one of `Radial`)
 //!   k'(a, b) = k(a, b) - k(a0, b) - k(a, b0) + k(a0, b0)
 //!   mos(a)   = identity + sum_m w_m k'(a, a_m).
 //!
@@ -10,9 +10,11 @@
 //! weights minimise sum_i v_i (mos_i - mos(a_i))^2 + ridge |mos - identity|_k'^2, v_i the rows' training weights.
 //!
 //! Solved through the pivoted Cholesky factor K' ~ F F^T: all rows as pivots give kernel ridge regression itself; few
-//! give its Nystroem approximation (Williams & Seeger 2001; landmarks by greedy pivoting as Fine & Scheinberg 2001), in
-//! which far fewer weights than ratings are stored, so that no single rating can be solved for. l and ridge minimise
-//! the weighted squared error over inner folds by material; the landmarks depend on descriptors alone.
+//! give its Nystroem approximation (Williams & Seeger 2001), with pivots drawn by what is left of the diagonal (Chen,
+//! Epperly, Tropp & Webber 2025, doi:10.1002/cpa.22234, algorithm 2.1). Far fewer weights than ratings are then stored,
+//! so that no single rating can be solved for. phi, l and ridge minimise the weighted squared error over inner folds
+//! by material; the landmarks depend on descriptors alone. Few landmarks carry a smooth kernel further than a rough
+//! one, so the two forms have different candidates.
 //!
 //! Source: Saunders, Gammerman & Vovk (1998), "Ridge regression learning algorithm in dual variables", ICML; centring
 //! at a point as in Schoelkopf (2001), "The kernel trick for distances", eq. 14. Cost: about 20 n r^2 for n rows and
@@ -22,20 +24,21 @@ use super::cholesky::{LowRank, dot, solve};
 use super::standardize::Standardized;
 use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::dataset::split::{Fold, TrainingSet};
-use crate::metric::learned::{Function, Kernel, Regressor, Term};
+use crate::math::seed;
+use crate::metric::learned::{Function, Kernel, Radial, Regressor, Term};
 use ndarray::{Array2, ArrayView2, Axis};
 
 /// Of the largest diagonal element of K': rows explained better than this add nothing.
 const TOLERANCE: f64 = 1e-7;
 const NEEDED_ROWS: usize = 8;
+/// Weight s of the linear part of the kernels.
+const LINEAR: f64 = 0.2;
 
 /// Options of kernel ridge regression.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KernelRidge {
-    /// Weight s of the linear part of the kernel.
-    pub linear: f64,
-    /// Candidates for l; inner folds choose.
-    pub lengths: Vec<f64>,
+    /// Candidates; inner folds choose.
+    pub kernels: Vec<Kernel>,
     /// Candidates for the ridge; inner folds choose.
     pub ridges: Vec<f64>,
     /// Number of landmarks, or all rows.
@@ -46,12 +49,18 @@ impl KernelRidge {
     /// Every training row is a landmark: the best agreement, and not for export, since as many weights as ratings are
     /// stored.
     pub fn full() -> Self {
-        Self { linear: 0.2, lengths: vec![1.0, 3.0], ridges: vec![0.03, 0.1, 0.3], landmarks: None }
+        let kernel = |length| Kernel { radial: Radial::Exponential, length, linear: LINEAR };
+        Self { kernels: vec![kernel(1.0), kernel(3.0)], ridges: vec![0.03, 0.1, 0.3], landmarks: None }
     }
 
     /// Few landmarks: what an exported metric holds.
     pub fn nystroem(landmarks: usize) -> Self {
-        Self { landmarks: Some(landmarks), ..Self::full() }
+        let kernel = |radial, length| Kernel { radial, length, linear: LINEAR };
+        Self {
+            kernels: vec![kernel(Radial::Matern32, 1.7), kernel(Radial::Gaussian, 1.0)],
+            ridges: vec![0.03, 0.1, 0.3],
+            landmarks: Some(landmarks),
+        }
     }
 }
 
@@ -72,10 +81,10 @@ impl Trainer for KernelRidge {
         let weights = set.weights();
 
         let mut best: Option<(f64, Kernel, f64, Problem)> = None;
-        for &length in &self.lengths {
-            let kernel = Kernel { length, linear: self.linear };
+        for (index, &kernel) in self.kernels.iter().enumerate() {
             let rank = self.landmarks.unwrap_or(target.len());
-            let low_rank = LowRank::new(target.len(), rank, TOLERANCE, distances.centred(&kernel).view());
+            let mut rng = seed::stream(seed, "landmarks", index as u64);
+            let low_rank = LowRank::new(distances.centred(&kernel).view(), rank, TOLERANCE, &mut rng);
             let problem = Problem::new(low_rank, &target, &weights);
             let errors = problem.fold_errors(&folds, &self.ridges).ok_or_else(|| self.singular(&problem))?;
             for (&ridge, error) in self.ridges.iter().zip(errors) {
@@ -113,12 +122,15 @@ impl KernelRidge {
     fn check(&self) -> Result<(), TrainError> {
         let option =
             |what, value, allowed| Err(TrainError::Option { trainer: self.name().into(), what, value, allowed });
-        for (what, values) in [("a kernel length", &self.lengths), ("a ridge", &self.ridges)] {
+        let lengths: Vec<f64> = self.kernels.iter().map(|k| k.length).collect();
+        for (what, values) in [("a kernel length", &lengths), ("a ridge", &self.ridges)] {
             if let Some(&value) = values.iter().find(|v| !(**v > 0.0 && v.is_finite())) {
                 return option(what, value, "greater than 0");
             }
-            if values.is_empty() {
-                return option(what, f64::NAN, "at least one candidate");
+        }
+        for (what, count) in [("the number of kernels", lengths.len()), ("the number of ridges", self.ridges.len())] {
+            if count == 0 {
+                return option(what, 0.0, "at least 1");
             }
         }
         match self.landmarks {

@@ -9,11 +9,14 @@ mod cholesky;
 //SKIP embedding
 pub mod ensemble;
 pub mod kernel;
-//SKIP linear
+#[cfg(feature = "train")]
+pub mod linear;
 pub mod lp_baseline;
-//SKIP neural
+#[cfg(feature = "train")]
+pub mod neural;
 mod standardize;
-//SKIP svr
+#[cfg(feature = "train")]
+pub mod svr;
 pub mod trivial;
 
 use crate::dataset::split::{SplitError, TrainingSet};

@@ -1,8 +1,10 @@
 //! Learned metrics: the regressor that an exported file holds, evaluated without any training library.
 
+pub mod exported;
 mod regressor;
 
+pub use exported::{ExportedError, ExportedMetric, Score};
 pub use regressor::{
-    Activation, Dense, Feature, Function, Input, Kernel, Regressor, RegressorError, Standardizer, Term, forward,
-    sign_root,
+    Activation, Dense, Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term,
+    forward, sign_root,
 };

@@ -28,6 +28,7 @@ pub enum RegressorError {
 
 /// One input of a regressor, in raw units.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Input {
     /// Name of the descriptor.
     pub name: String,
@@ -42,6 +43,7 @@ impl From<&Column> for Input {
 
 /// How one input enters a term.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Feature {
     /// Position among the regressor's inputs.
     pub input: usize,
@@ -52,6 +54,7 @@ pub struct Feature {
 
 /// z = clip((sign(x) sqrt|x| - mean) / scale, -limit, limit), one feature at a time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Standardizer {
     pub limit: f64,
     pub features: Vec<Feature>,
@@ -110,6 +113,7 @@ impl Standardizer {
 
 /// One dense layer: `weights[o * inputs + i]`, `bias[o]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Dense {
     pub inputs: usize,
     pub outputs: usize,
@@ -152,9 +156,23 @@ pub fn forward(layers: &[Dense], activation: Activation, x: &[f64]) -> Vec<f64> 
     x
 }
 
-/// k(a, b) = exp(-|a - b| / (length sqrt d)) + linear a.b / d, with d the number of features.
+/// How a kernel falls off with r = |a - b| / (length sqrt d), d the number of features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Radial {
+    /// exp(-r).
+    Exponential,
+    /// (1 + sqrt(3) r) exp(-sqrt(3) r): Matern's with nu = 3/2 (Rasmussen & Williams 2006, eq. 4.17).
+    Matern32,
+    /// exp(-r^2 / 2).
+    Gaussian,
+}
+
+/// k(a, b) = radial(|a - b| / (length sqrt d)) + linear a.b / d.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Kernel {
+    pub radial: Radial,
     pub length: f64,
     pub linear: f64,
 }
@@ -168,7 +186,15 @@ impl Kernel {
 
     /// The part that depends on the distance alone, in `d` dimensions.
     pub fn radial(&self, distance: f64, d: f64) -> f64 {
-        (-distance / (self.length * d.sqrt())).exp()
+        let r = distance / (self.length * d.sqrt());
+        match self.radial {
+            Radial::Exponential => (-r).exp(),
+            Radial::Matern32 => {
+                let r = 3f64.sqrt() * r;
+                (1.0 + r) * (-r).exp()
+            }
+            Radial::Gaussian => (-0.5 * r * r).exp(),
+        }
     }
 }
 
@@ -187,6 +213,7 @@ pub enum Function {
 
 /// One learned function and its weight in the sum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Term {
     pub weight: f64,
     pub standardizer: Standardizer,
@@ -195,6 +222,7 @@ pub struct Term {
 
 /// A learned map from raw descriptors to a mean opinion score.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Regressor {
     /// The score of identical BRDFs, 1 to 5.
     pub identity_mos: f64,
@@ -209,7 +237,7 @@ impl Regressor {
     /// If `raw` has another length than `inputs`, or the regressor does not pass [`check`](Self::check).
     pub fn predict(&self, raw: &[f64]) -> f64 {
         assert_eq!(raw.len(), self.inputs.len(), "descriptors and inputs of the regressor");
-        self.identity_mos + self.terms.iter().map(|t| t.weight * t.difference(raw, &self.inputs)).sum::<f64>()
+        self.identity_mos + difference(&self.terms, &self.inputs, raw)
     }
 
     /// One score a row of rows x inputs.
@@ -220,12 +248,17 @@ impl Regressor {
     /// Shapes agree and every number is finite: after this, `predict` cannot fail.
     pub fn check(&self) -> Result<(), RegressorError> {
         finite("identity_mos", &[self.identity_mos])?;
-        if self.terms.is_empty() {
+        Self::check_terms(&self.terms, self.inputs.len())
+    }
+
+    /// The same for the terms alone, which take `inputs` numbers.
+    pub(super) fn check_terms(terms: &[Term], inputs: usize) -> Result<(), RegressorError> {
+        if terms.is_empty() {
             return Err(RegressorError::Empty { what: "term" });
         }
-        for (i, term) in self.terms.iter().enumerate() {
+        for (i, term) in terms.iter().enumerate() {
             finite(&format!("weight of term {i}"), &[term.weight])?;
-            term.standardizer.check(self.inputs.len())?;
+            term.standardizer.check(inputs)?;
             term.function.check(term.standardizer.features.len())?;
         }
         Ok(())
@@ -257,6 +290,11 @@ impl Regressor {
         }
         self
     }
+}
+
+/// sum_t weight_t (g_t(z) - g_t(z0)).
+pub(super) fn difference(terms: &[Term], inputs: &[Input], raw: &[f64]) -> f64 {
+    terms.iter().map(|t| t.weight * t.difference(raw, inputs)).sum()
 }
 
 impl Term {

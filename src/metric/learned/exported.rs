@@ -1,0 +1,308 @@
+//! The exported metric: one self-describing JSON file (`*.vernis.json`) that evaluates without any training library.
+//!
+//! ```text
+//! format         1; a reader refuses newer ones
+//! name           such as "vernis"
+//! metric_version of the numbers; quote it with any score
+//! descriptors    {set, setup}: which descriptors, computed how
+//! regressor      {identity_mos, inputs: [{name, role}], terms: [{weight, standardizer, function}]}, see `Regressor`
+//! members        [[term, ...], ...]: the same trained on resampled materials, for the spread of a prediction
+//! interval       {level, factor, offset}, see `Interval`
+//! provenance     study, synthetic, rows, materials, data [{name, sha256}], seed, command, crate_version,
+//!                agreement [{measure, rows, value, low, high}]
+//! ```
+//!
+//! Keys keep this order and numbers their shortest form that reads back as the same f64, so that the same metric gives
+//! the same bytes. With p = `regressor.predict` a pair gets
+//!
+//!   distance = max(0, identity_mos - p),   mos = clip(p, 1, 5),   low, high = clip(p -+ factor (spread + offset), 1, 5),
+//!
+//! spread being the standard deviation of the members' predictions. Identical BRDFs get a distance of exactly 0.
+
+use super::regressor::{Regressor, RegressorError, Term, difference};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use thiserror::Error;
+
+/// Of files written by this version; older ones keep loading.
+pub const FORMAT: u32 = 1;
+
+/// Significant digits of exported weights: those of an f32 and two more.
+const DIGITS: usize = 9;
+
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ExportedError {
+    #[error("{file}, line {line}, column {column}: not an exported metric: {reason}")]
+    Json { file: String, line: usize, column: usize, reason: String },
+    #[error("{file}: format {found} is newer than this program, which reads up to {supported}; update vernis")]
+    NewerFormat { file: String, found: u32, supported: u32 },
+    #[error("{file}: unknown descriptors {found}; known: {known}")]
+    UnknownDescriptors { file: String, found: String, known: String },
+    #[error("{file}: {set} has no descriptor called {column}")]
+    UnknownColumn { file: String, set: String, column: String },
+    #[error("{file}: {what} is {found}; allowed: {allowed}")]
+    Value { file: String, what: &'static str, found: String, allowed: &'static str },
+    #[error("{file}: {part}: {source}")]
+    Regressor { file: String, part: String, source: RegressorError },
+    #[error("the exported metric {name} cannot be written: {reason}")]
+    Write { name: String, reason: String },
+    #[error("{found} descriptors, but the metric {name} takes {expected}")]
+    Inputs { name: String, found: usize, expected: usize },
+    #[error("{name}: descriptor {column} is {value}, which is not a finite number")]
+    NotFinite { name: String, column: String, value: f64 },
+}
+
+/// Which descriptors a metric takes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DescriptorSet {
+    /// Such as `compact-48`.
+    pub set: String,
+    /// Version and options of what computes them.
+    pub setup: String,
+}
+
+/// Descriptors that this program can compute, for checking a file against.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KnownDescriptors {
+    pub descriptors: DescriptorSet,
+    pub columns: Vec<String>,
+}
+
+/// How wide the interval about a prediction is: half-width = factor (spread + offset), in MOS.
+///
+/// Normalised split conformal prediction (Papadopoulos, Gammerman & Vovk 2008; Lei et al. 2018,
+/// doi:10.1080/01621459.2017.1307116, 5.2): the factor is the quantile of |residual| / (spread + offset) over rows that
+/// the model has not seen. Coverage holds on average over pairs like those of the study, not for each pair.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Interval {
+    /// Share of ratings inside, 0 to 1.
+    pub level: f64,
+    pub factor: f64,
+    /// In MOS; keeps the interval honest where all members agree.
+    pub offset: f64,
+}
+
+impl Interval {
+    /// From out-of-fold residuals (MOS) and the members' spreads on the same rows; zeros where there are no members.
+    /// `None` without rows, or where the level lies outside 0 to 1.
+    pub fn calibrate(residuals: &[f64], spreads: &[f64], level: f64) -> Option<Self> {
+        if residuals.is_empty() || residuals.len() != spreads.len() || !(level > 0.0 && level < 1.0) {
+            return None;
+        }
+        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let offset = sizes[sizes.len() / 2].max(1e-3);
+        let mut ratios: Vec<f64> = residuals.iter().zip(spreads).map(|(r, s)| r.abs() / (s + offset)).collect();
+        ratios.sort_by(f64::total_cmp);
+        let rank = ((ratios.len() + 1) as f64 * level).ceil() as usize;
+        Some(Self { level, factor: ratios[rank.clamp(1, ratios.len()) - 1], offset })
+    }
+}
+
+/// A file that the metric was trained on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DataHash {
+    pub name: String,
+    pub sha256: String,
+}
+
+/// Agreement with people that the same recipe reached on rows it had not seen, with its 95 % interval.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reached {
+    /// Such as `srocc`.
+    pub measure: String,
+    /// Such as `all` or `without the manifold samples`.
+    pub rows: String,
+    pub value: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+/// Where a metric comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    pub study: String,
+    /// Ratings came from simulated observers.
+    pub synthetic: bool,
+    pub rows: usize,
+    pub materials: usize,
+    pub data: Vec<DataHash>,
+    pub seed: u64,
+    pub command: String,
+    pub crate_version: String,
+    pub agreement: Vec<Reached>,
+}
+
+/// Everything that a file holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExportedMetric {
+    format: u32,
+    pub name: String,
+    pub metric_version: String,
+    pub descriptors: DescriptorSet,
+    pub regressor: Regressor,
+    pub members: Vec<Vec<Term>>,
+    pub interval: Interval,
+    pub provenance: Provenance,
+}
+
+/// What a metric says of a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Score {
+    /// In MOS below that of identical BRDFs, 0 or more: 0 is identical, larger is worse.
+    pub distance: f64,
+    /// Mean opinion score, 1 to 5, and its interval.
+    pub mos: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl ExportedMetric {
+    /// Weights are rounded to nine digits here, so that the file holds exactly what this value computes. Members must
+    /// share the regressor's inputs and identity.
+    pub fn new(
+        name: &str,
+        metric_version: &str,
+        descriptors: DescriptorSet,
+        regressor: Regressor,
+        members: Vec<Regressor>,
+        interval: Interval,
+        provenance: Provenance,
+    ) -> Result<Self, ExportedError> {
+        for (i, member) in members.iter().enumerate() {
+            if member.inputs != regressor.inputs || member.identity_mos != regressor.identity_mos {
+                return Err(ExportedError::Write {
+                    name: name.to_owned(),
+                    reason: format!("member {i} has other inputs or another identity than the regressor"),
+                });
+            }
+        }
+        let metric = Self {
+            format: FORMAT,
+            name: name.to_owned(),
+            metric_version: metric_version.to_owned(),
+            descriptors,
+            regressor: regressor.rounded(DIGITS),
+            members: members.into_iter().map(|m| m.rounded(DIGITS).terms).collect(),
+            interval,
+            provenance,
+        };
+        metric.check(name)?;
+        Ok(metric)
+    }
+
+    /// Reads the text of a file; `file` names it in errors, `known` are the descriptors that can be computed.
+    pub fn parse(text: &str, file: &str, known: &[KnownDescriptors]) -> Result<Self, ExportedError> {
+        let json = |e: serde_json::Error| ExportedError::Json {
+            file: file.to_owned(),
+            line: e.line(),
+            column: e.column(),
+            reason: e.to_string(),
+        };
+        // The version first: a newer file may have fields that this program cannot know.
+        #[derive(Deserialize)]
+        struct Header {
+            format: u32,
+        }
+        let found = serde_json::from_str::<Header>(text).map_err(json)?.format;
+        if found > FORMAT {
+            return Err(ExportedError::NewerFormat { file: file.to_owned(), found, supported: FORMAT });
+        }
+        let metric: Self = serde_json::from_str(text).map_err(json)?;
+        metric.check(file)?;
+        metric.check_descriptors(file, known)?;
+        Ok(metric)
+    }
+
+    /// The text of the file, ending in a line break.
+    pub fn to_json(&self) -> Result<String, ExportedError> {
+        let text = serde_json::to_string(self)
+            .map_err(|e| ExportedError::Write { name: self.name.clone(), reason: e.to_string() })?;
+        Ok(text + "\n")
+    }
+
+    /// The score of a pair from its descriptors, in the order of `regressor.inputs`.
+    pub fn score(&self, raw: &[f64]) -> Result<Score, ExportedError> {
+        let inputs = &self.regressor.inputs;
+        if raw.len() != inputs.len() {
+            let (found, expected) = (raw.len(), inputs.len());
+            return Err(ExportedError::Inputs { name: self.name.clone(), found, expected });
+        }
+        if let Some((input, &value)) = inputs.iter().zip(raw).find(|(_, v)| !v.is_finite()) {
+            return Err(ExportedError::NotFinite { name: self.name.clone(), column: input.name.clone(), value });
+        }
+        let prediction = self.regressor.predict(raw);
+        let half = self.interval.factor * (self.spread(raw) + self.interval.offset);
+        let clip = |mos: f64| mos.clamp(1.0, 5.0);
+        Ok(Score {
+            distance: (self.regressor.identity_mos - prediction).max(0.0),
+            mos: clip(prediction),
+            low: clip(prediction - half),
+            high: clip(prediction + half),
+        })
+    }
+
+    /// Standard deviation of the members' predictions, in MOS; 0 for fewer than two members.
+    pub fn spread(&self, raw: &[f64]) -> f64 {
+        if self.members.len() < 2 {
+            return 0.0;
+        }
+        let inputs = &self.regressor.inputs;
+        let predictions: Vec<f64> = self.members.iter().map(|terms| difference(terms, inputs, raw)).collect();
+        let n = predictions.len() as f64;
+        let mean = predictions.iter().sum::<f64>() / n;
+        (predictions.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()
+    }
+
+    fn check(&self, file: &str) -> Result<(), ExportedError> {
+        let value =
+            |what, found: String, allowed| Err(ExportedError::Value { file: file.to_owned(), what, found, allowed });
+        let Interval { level, factor, offset } = self.interval;
+        if !(level > 0.0 && level < 1.0) {
+            return value("the level of the interval", level.to_string(), "between 0 and 1");
+        }
+        for (what, x) in [("the factor of the interval", factor), ("the offset of the interval", offset)] {
+            if !(x >= 0.0 && x.is_finite()) {
+                return value(what, x.to_string(), "0 or more");
+            }
+        }
+        if !(1.0..=5.0).contains(&self.regressor.identity_mos) {
+            return value("identity_mos", self.regressor.identity_mos.to_string(), "1 to 5");
+        }
+        let mut names = BTreeSet::new();
+        if let Some(twice) = self.regressor.inputs.iter().find(|i| !names.insert(&i.name)) {
+            return value("an input's name", twice.name.clone(), "names that differ");
+        }
+        let invalid = |part: String| move |source| ExportedError::Regressor { file: file.to_owned(), part, source };
+        self.regressor.check().map_err(invalid("regressor".into()))?;
+        for (i, terms) in self.members.iter().enumerate() {
+            Regressor::check_terms(terms, self.regressor.inputs.len()).map_err(invalid(format!("member {i}")))?;
+        }
+        Ok(())
+    }
+
+    fn check_descriptors(&self, file: &str, known: &[KnownDescriptors]) -> Result<(), ExportedError> {
+        let shown = |d: &DescriptorSet| format!("{} ({})", d.set, d.setup);
+        let Some(set) = known.iter().find(|k| k.descriptors == self.descriptors) else {
+            return Err(ExportedError::UnknownDescriptors {
+                file: file.to_owned(),
+                found: shown(&self.descriptors),
+                known: known.iter().map(|k| shown(&k.descriptors)).collect::<Vec<_>>().join(", "),
+            });
+        };
+        match self.regressor.inputs.iter().find(|input| !set.columns.contains(&input.name)) {
+            None => Ok(()),
+            Some(input) => Err(ExportedError::UnknownColumn {
+                file: file.to_owned(),
+                set: shown(&self.descriptors),
+                column: input.name.clone(),
+            }),
+        }
+    }
+}

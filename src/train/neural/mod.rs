@@ -1,0 +1,9 @@
+//! Small neural networks, trained with `burn`: nothing outside this folder names it.
+//!
+//! [`regression`] learns the map from descriptors to ratings, [`autoencoder`] a low-dimensional code of BRDF tables.
+//! Both leave as plain numbers that evaluate without it.
+
+mod network;
+pub mod regression;
+
+pub use regression::NeuralNetwork;

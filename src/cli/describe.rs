@@ -36,7 +36,7 @@ pub fn run(shared: &Shared, args: DescribeArgs) -> Result<()> {
         .descriptions()
         .into_iter()
         .zip(features.context())
-        .map(|(d, &value)| (d.column.name, d.meaning, value))
+        .map(|(d, value)| (d.column.name, d.meaning, value))
         .collect();
     let table = open.brdf.as_table().map(|t| {
         let valid = t.valid().iter().filter(|v| **v).count();

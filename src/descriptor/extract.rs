@@ -46,13 +46,14 @@ impl Extractor<'_> {
     /// for others by then stays in the cache. Memory: about 400 kB a distinct BRDF.
     pub fn extract(&self, pairs: &[(BrdfSource, BrdfSource)]) -> Result<Extraction, DescriptorError> {
         let mut index = BTreeMap::new();
-        let mut sources = Vec::new();
-        let mut number = |source| {
-            *index.entry(source.identity()).or_insert_with(|| {
+        let mut sources: Vec<&BrdfSource> = Vec::new();
+        for source in pairs.iter().flat_map(|(r, c)| [r, c]) {
+            index.entry(source.identity()).or_insert_with(|| {
                 sources.push(source);
                 sources.len() - 1
-            })
-        };
+            });
+        }
+        let number = |source: &BrdfSource| index[&source.identity()];
         let numbered: Vec<(usize, usize)> = pairs.iter().map(|(r, c)| (number(r), number(c))).collect();
         let done = AtomicUsize::new(0);
         let total = sources.len();

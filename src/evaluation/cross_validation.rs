@@ -13,7 +13,9 @@ use crate::dataset::split::Fold;
 use crate::math::correlation;
 use crate::math::logistic::{Logistic4, LogisticError};
 use crate::math::seed;
-use crate::train::Trainer;
+use crate::train::ensemble::bootstrap_members;
+use crate::train::trivial::MeanOf;
+use crate::train::{TrainError, Trainer};
 use ndarray::ArrayView1;
 use rand::Rng;
 use rayon::prelude::*;
@@ -52,34 +54,87 @@ pub fn cross_validate(
     trainer: &dyn Trainer,
     seed: u64,
 ) -> Result<OutOfFold, EvaluationError> {
-    let name = trainer.name();
-    check_coverage(samples, folds)?;
-    let run = |(index, fold): (usize, &Fold)| {
-        let seed = seed::stream(seed, "cross-validation", index as u64).random();
-        let predictor = trainer.train(&fold.training, seed).map_err(|source| EvaluationError::Training {
-            metric: name.to_owned(),
-            fold: index,
-            training_rows: fold.training.rows().len(),
-            source,
-        })?;
-        let training = predictor.predict(fold.training.features());
-        let score = predictor.predict(fold.held_out.features());
-        map_fold(name, index, &training, &fold.training.mos(), score)
-    };
-    let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
-    assemble(name, samples, folds, predicted)
+    over_folds(trainer.name(), samples, folds, |index, fold| {
+        let predictor = trainer.train(&fold.training, fold_seed(seed, index)).map_err(training_error(trainer.name(), index, fold))?;
+        Ok(FoldScores {
+            training: predictor.predict(fold.training.features()),
+            held_out: predictor.predict(fold.held_out.features()),
+        })
+    })
 }
 
 /// A classical metric, whose distances stand in the column called `name` (larger is worse) and need no training: only
 /// the logistic map is fitted, on each fold's training side, and the score of a row is its negated distance.
 pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) -> Result<OutOfFold, EvaluationError> {
-    check_coverage(samples, folds)?;
     let column = column_index(samples, name)?;
     let negated = |distances: ArrayView1<'_, f64>| distances.iter().map(|d| -d).collect::<Vec<f64>>();
+    over_folds(name, samples, folds, |_, fold| {
+        Ok(FoldScores {
+            training: negated(fold.training.features().column(column)),
+            held_out: negated(fold.held_out.features().column(column)),
+        })
+    })
+}
+
+/// A trivial baseline: mean ratings of the training side, by what a row belongs to.
+pub fn cross_validate_means(samples: &Samples, folds: &[Fold], means: MeanOf) -> Result<OutOfFold, EvaluationError> {
+    over_folds(means.name(), samples, folds, |index, fold| {
+        let table = means.fit(&fold.training).map_err(training_error(means.name(), index, fold))?;
+        Ok(FoldScores { training: table.predict(fold.training.rows()), held_out: table.predict(fold.held_out.rows()) })
+    })
+}
+
+/// Standard deviation of the predictions of `members` models, each trained on resampled material groups of a fold's
+/// training side, for every row, in MOS.
+pub fn cross_validate_spread(
+    samples: &Samples,
+    folds: &[Fold],
+    trainer: &dyn Trainer,
+    members: usize,
+    seed: u64,
+) -> Result<Vec<f64>, EvaluationError> {
+    check_coverage(samples, folds)?;
+    let mut spread = vec![0.0; samples.len()];
+    for (index, fold) in folds.iter().enumerate() {
+        let seed = fold_seed(seed, index);
+        let models = bootstrap_members(trainer, &fold.training, members, seed)
+            .map_err(training_error(trainer.name(), index, fold))?;
+        let predicted: Vec<Vec<f64>> = models.iter().map(|m| m.predict(fold.held_out.features())).collect();
+        for (k, &row) in fold.held_out.indices().iter().enumerate() {
+            let mean = predicted.iter().map(|p| p[k]).sum::<f64>() / members as f64;
+            let squares: f64 = predicted.iter().map(|p| (p[k] - mean).powi(2)).sum();
+            spread[row] = (squares / (members.max(2) - 1) as f64).sqrt();
+        }
+    }
+    Ok(spread)
+}
+
+/// What a metric says of both sides of a fold.
+struct FoldScores {
+    training: Vec<f64>,
+    held_out: Vec<f64>,
+}
+
+fn fold_seed(seed: u64, index: usize) -> u64 {
+    seed::stream(seed, "cross-validation", index as u64).random()
+}
+
+fn training_error(metric: &str, index: usize, fold: &Fold) -> impl Fn(TrainError) -> EvaluationError {
+    let (metric, training_rows) = (metric.to_owned(), fold.training.rows().len());
+    move |source| EvaluationError::Training { metric: metric.clone(), fold: index, training_rows, source }
+}
+
+/// Scores every fold in parallel, maps its held-out scores to MOS by its training side, and puts the rows together.
+fn over_folds(
+    name: &str,
+    samples: &Samples,
+    folds: &[Fold],
+    score: impl Fn(usize, &Fold) -> Result<FoldScores, EvaluationError> + Sync,
+) -> Result<OutOfFold, EvaluationError> {
+    check_coverage(samples, folds)?;
     let run = |(index, fold): (usize, &Fold)| {
-        let training = negated(fold.training.features().column(column));
-        let score = negated(fold.held_out.features().column(column));
-        map_fold(name, index, &training, &fold.training.mos(), score)
+        let scores = score(index, fold)?;
+        map_fold(name, index, &scores.training, &fold.training.mos(), scores.held_out)
     };
     let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
     assemble(name, samples, folds, predicted)

@@ -18,10 +18,13 @@ pub enum Split {
     UnseenMaterial,
     /// Neither the material nor the family of the approximation method was seen.
     UnseenMaterialAndMethod,
+    /// Trained on dielectrics and judged on metals, and the other way round.
+    UnseenMaterialType,
 }
 
 impl Split {
-    pub const ALL: [Self; 3] = [Self::UnseenMaterial, Self::UnseenMaterialAndMethod, Self::InSample];
+    pub const ALL: [Self; 4] =
+        [Self::UnseenMaterial, Self::UnseenMaterialAndMethod, Self::UnseenMaterialType, Self::InSample];
 
     /// For headings.
     pub fn label(self) -> &'static str {
@@ -29,6 +32,7 @@ impl Split {
             Self::InSample => "in sample",
             Self::UnseenMaterial => "unseen material",
             Self::UnseenMaterialAndMethod => "unseen material and method",
+            Self::UnseenMaterialType => "unseen material type",
         }
     }
 }

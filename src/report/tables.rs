@@ -104,7 +104,7 @@ fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: Str
     if with_aside {
         columns.push(&aside);
     }
-    columns.extend(["unseen method", "in sample"]);
+    columns.extend(["unseen method", "unseen type", "in sample"]);
     let mut table = Table::new(title, &columns);
     for metric in metrics {
         let at = |split, row_set| metric.judgement(split, row_set);
@@ -122,6 +122,7 @@ fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: Str
             row.push(pair(at(Split::UnseenMaterial, RowSet::WithoutSetAside)));
         }
         row.push(pair(at(Split::UnseenMaterialAndMethod, RowSet::All)));
+        row.push(pair(at(Split::UnseenMaterialType, RowSet::All)));
         row.push(pair(at(Split::InSample, RowSet::All)));
         table.rows.push(row);
     }

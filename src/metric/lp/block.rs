@@ -179,7 +179,7 @@ pub(super) fn owned_cells(brdf: &dyn Brdf, side: &'static str) -> Result<Box<dyn
 
 fn resampled(table: &TabulatedBrdf, side: &'static str) -> Result<TabulatedBrdf, MetricError> {
     let unusable = |error: TableError| MetricError::Unusable { side, reason: error.to_string() };
-    TabulatedBrdf::tabulate(table, Grid::TITOPO).map_err(unusable)
+    table.resampled(Grid::TITOPO).map_err(unusable)
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@
 //! [`Regressor`](crate::metric::learned::Regressor), the part of an exported metric that was learned.
 
 mod cholesky;
-//SKIP embedding
+#[cfg(feature = "train")]
+pub mod embedding;
 pub mod ensemble;
 pub mod kernel;
 #[cfg(feature = "train")]

@@ -3,7 +3,9 @@
 //! [`regression`] learns the map from descriptors to ratings, [`autoencoder`] a low-dimensional code of BRDF tables.
 //! Both leave as plain numbers that evaluate without it.
 
+pub mod autoencoder;
 mod network;
 pub mod regression;
 
+pub use autoencoder::{Autoencoder, Encoder};
 pub use regression::NeuralNetwork;

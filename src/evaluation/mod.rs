@@ -10,8 +10,10 @@ pub mod bootstrap;
 pub mod calibration;
 pub mod cross_validation;
 pub mod dependent;
+pub mod protocol;
 pub mod records;
 
+use crate::dataset::split::SplitError;
 use crate::math::correlation::CorrelationError;
 use crate::math::logistic::LogisticError;
 use crate::train::TrainError;
@@ -26,6 +28,8 @@ pub enum EvaluationError {
     Correlation { what: &'static str, source: CorrelationError },
     #[error("{metric}, fold {fold}: {source}")]
     Logistic { metric: String, fold: usize, source: LogisticError },
+    #[error(transparent)]
+    Split(#[from] SplitError),
     #[error("{metric}, fold {fold} of {training_rows} training rows: {source}")]
     Training { metric: String, fold: usize, training_rows: usize, source: TrainError },
     #[error("row {row} ({material}, {method}) is held out by {times} folds, allowed: exactly 1")]

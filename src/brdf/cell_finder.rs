@@ -90,7 +90,8 @@ impl Bins {
     fn new(edges: Vec<f64>, top: f64, bins: usize) -> Self {
         let slots = 8 * bins;
         let below = |key: f64| edges.partition_point(|e| *e <= key) as u32;
-        let start = (0..slots).map(|s| below(top * s as f64 / slots as f64)).collect();
+        // Rounding may put a key into the slot above its own.
+        let start = (0..slots).map(|s| below(top * (s as f64 - 1e-6) / slots as f64)).collect();
         Self { edges, top, start }
     }
 
@@ -98,8 +99,7 @@ impl Bins {
     fn find(&self, key: f64) -> usize {
         let slots = self.start.len();
         let slot = ((key / self.top * slots as f64) as usize).min(slots - 1);
-        // A key that rounding puts into the slot above would start one bin too high.
-        let mut bin = self.start[slot.saturating_sub(1)] as usize;
+        let mut bin = self.start[slot] as usize;
         while bin < self.edges.len() && self.edges[bin] <= key {
             bin += 1;
         }

@@ -59,7 +59,7 @@ impl Grid {
     pub fn directions(&self, index: usize) -> (Vec3, Vec3) {
         let [_, n1, n2] = self.shape();
         let sines = |axis, k| self.angle(axis, k).sin_cos();
-        self.from_sines(sines(0, index / (n1 * n2)), sines(1, index / n2 % n1), sines(2, index % n2))
+        self.directions_of(sines(0, index / (n1 * n2)), sines(1, index / n2 % n1), sines(2, index % n2))
     }
 
     /// [`Grid::directions`] of every cell, with the trigonometry of each axis done once.
@@ -88,6 +88,18 @@ impl Grid {
         }
     }
 
+    /// For each index of `other` along `axis`, the bin of `self` that contains its angle; both grids have the same
+    /// coordinates.
+    pub(super) fn bins_of(&self, other: Self, axis: usize) -> Vec<usize> {
+        let n = self.shape()[axis];
+        let bin = |angle: f64| match (self, axis) {
+            (_, 2) => bin_of_turn(angle.rem_euclid(self.phi_span()) / self.phi_span() * n as f64, n),
+            (Self::HalfDifference { .. }, 0) => bin((angle / FRAC_PI_2).sqrt() * n as f64, n),
+            _ => bin(angle / FRAC_PI_2 * n as f64, n),
+        };
+        (0..other.shape()[axis]).map(|k| bin(other.angle(axis, k))).collect()
+    }
+
     /// The range of the last axis: half a turn where reciprocity makes the other half redundant.
     pub(super) fn phi_span(&self) -> f64 {
         match *self {
@@ -97,7 +109,7 @@ impl Grid {
     }
 
     /// Directions from the (sine, cosine) of the three angles of a cell.
-    fn from_sines(&self, a: (f64, f64), b: (f64, f64), phi: (f64, f64)) -> (Vec3, Vec3) {
+    fn directions_of(&self, a: (f64, f64), b: (f64, f64), phi: (f64, f64)) -> (Vec3, Vec3) {
         match self {
             Self::HalfDifference { .. } => {
                 let ((sin_h, cos_h), (sin_d, cos_d)) = (a, b);
@@ -115,8 +127,6 @@ impl Grid {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return None;
         }
-        let bin = |x: f64, n: usize| ((x.max(0.0) + SNAP) as usize).min(n - 1);
-        let turn = |x: f64, n: usize| (x + SNAP) as usize % n;
         let [n0, n1, n2] = self.shape();
         let (i, j, k) = match *self {
             Self::HalfDifference { .. } => {
@@ -126,7 +136,7 @@ impl Grid {
                 (
                     bin((c.theta_h / FRAC_PI_2).max(0.0).sqrt() * n0 as f64, n0),
                     bin(c.theta_d / FRAC_PI_2 * n1 as f64, n1),
-                    turn(phi / span * n2 as f64, n2),
+                    bin_of_turn(phi / span * n2 as f64, n2),
                 )
             }
             Self::Standard { .. } => {
@@ -134,11 +144,21 @@ impl Grid {
                 // The pole has no azimuth; `atan2` would make one up from the signs of its zeros.
                 let azimuth = |w: Vec3| if w.x == 0.0 && w.y == 0.0 { 0.0 } else { w.y.atan2(w.x) };
                 let phi = (azimuth(wo) - azimuth(wi)).rem_euclid(2.0 * PI) / (2.0 * PI);
-                (bin(polar(wi) * n0 as f64, n0), bin(polar(wo) * n1 as f64, n1), turn(phi * n2 as f64, n2))
+                (bin(polar(wi) * n0 as f64, n0), bin(polar(wo) * n1 as f64, n1), bin_of_turn(phi * n2 as f64, n2))
             }
         };
         Some((i * n1 + j) * n2 + k)
     }
+}
+
+/// The bin of a position between 0 and n.
+fn bin(x: f64, n: usize) -> usize {
+    ((x.max(0.0) + SNAP) as usize).min(n - 1)
+}
+
+/// The bin of a position on a circle of circumference n.
+fn bin_of_turn(x: f64, n: usize) -> usize {
+    (x + SNAP) as usize % n
 }
 
 /// The directions of every cell of a grid: three short tables of sines.
@@ -153,7 +173,7 @@ impl GridDirections {
         let [_, n1, n2] = self.grid.shape();
         let [a, b, phi] = &self.sines;
         let row = index / n2;
-        self.grid.from_sines(a[row / n1], b[row % n1], phi[index % n2])
+        self.grid.directions_of(a[row / n1], b[row % n1], phi[index % n2])
     }
 }
 

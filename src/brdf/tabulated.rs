@@ -76,18 +76,35 @@ impl TabulatedBrdf {
 
     /// The table on another grid: each cell takes the value and the validity of the cell of `self` that contains its
     /// directions. Cells whose directions lie below the horizon are invalid.
+    ///
+    /// Between grids of the same coordinates the axes are matched one by one, which also keeps apart the cells at a
+    /// pole, whose directions are the same.
     pub fn resampled(&self, grid: Grid) -> Result<Self, TableError> {
-        if grid == self.grid {
-            return Ok(self.clone());
+        let same_coordinates = std::mem::discriminant(&self.grid) == std::mem::discriminant(&grid);
+        if same_coordinates {
+            let [a, b, c] = std::array::from_fn(|axis| self.grid.bins_of(grid, axis));
+            let [_, n1, n2] = self.grid.shape();
+            self.gathered(grid, |index| {
+                let row = index / c.len();
+                Some((a[row / b.len()] * n1 + b[row % b.len()]) * n2 + c[index % c.len()])
+            })
+        } else {
+            let directions = grid.all_directions();
+            self.gathered(grid, |index| {
+                let (wi, wo) = directions.get(index);
+                self.finder.cell(wi, wo)
+            })
         }
+    }
+
+    /// The table on `grid` whose cell `index` is a copy of the cell `source(index)`, or invalid where there is none.
+    fn gathered(&self, grid: Grid, source: impl Fn(usize) -> Option<usize> + Sync) -> Result<Self, TableError> {
         let mut values = vec![[0.0f32; 3]; grid.len()];
         let mut valid = vec![false; grid.len()];
-        let directions = grid.all_directions();
         values.par_chunks_mut(CHUNK).zip(valid.par_chunks_mut(CHUNK)).enumerate().for_each(
             |(chunk, (values, valid))| {
                 for k in 0..values.len() {
-                    let (wi, wo) = directions.get(chunk * CHUNK + k);
-                    if let Some(cell) = self.finder.cell(wi, wo) {
+                    if let Some(cell) = source(chunk * CHUNK + k) {
                         values[k] = self.values[cell];
                         valid[k] = self.valid[cell];
                     }

@@ -1,8 +1,9 @@
 //! A study that a user writes: a CSV file with one row a rated pair.
 //!
-//! Columns, by name and in any order: `reference`, `candidate` (sources in the notation of every command; relative paths
-//! start beside the file, else where every command looks) and `mos` (1 to 5); optional `weight` (default 1), `material` (default: the reference as written), `group` (default: the
-//! material), `method` (default `unnamed`), `method_family` (default: the method) and `material_type`.
+//! Columns, by name and in any order: `reference`, `candidate` (sources in the notation of every command; relative
+//! paths start beside the file, else where every command looks) and `mos` (1 to 5); optional `weight` (default 1),
+//! `material` (default: the reference as written), `group` (default: the material), `method` (default `unnamed`),
+//! `method_family` (default: the method) and `material_type`.
 
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
 use crate::brdf::{BrdfSource, ContentHash};

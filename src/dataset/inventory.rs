@@ -87,30 +87,22 @@ fn synthetic_status() -> StudyStatus {
 }
 
 fn published_status(name: &str, data: Option<&Path>) -> StudyStatus {
-    let unloadable = |problem: String| StudyStatus {
-        name: name.into(),
-        title: String::new(),
-        doi: None,
-        synthetic: false,
-        pairs: Completeness { found: 0, known: 0 },
-        files: Vec::new(),
-        collections: Vec::new(),
-        problem: Some(problem),
-    };
-    let manifest = match Manifest::embedded(name) {
-        Ok(manifest) => manifest,
-        Err(e) => return unloadable(e.to_string()),
-    };
     let loaded = Study::load(name, data);
-    let found = loaded.as_ref().map_or(0, |s| s.completeness.found);
+    // A manifest that does not parse is the problem that loading reports.
+    let manifest = Manifest::embedded(name).ok();
+    let m = manifest.as_ref();
     StudyStatus {
-        title: manifest.title().into(),
-        doi: Some(manifest.doi().into()),
-        pairs: Completeness { found, known: manifest.pairs() },
-        files: manifest.files().into_iter().map(|f| file_status(f, data)).collect(),
-        collections: manifest.collections().iter().map(collection_status).collect(),
+        name: name.into(),
+        title: m.map_or_else(String::new, |m| m.title().into()),
+        doi: m.map(|m| m.doi().into()),
+        synthetic: false,
+        pairs: Completeness {
+            found: loaded.as_ref().map_or(0, |s| s.completeness.found),
+            known: m.map_or(0, Manifest::pairs),
+        },
+        files: m.map_or_else(Vec::new, |m| m.files().into_iter().map(|f| file_status(f, data)).collect()),
+        collections: m.map_or_else(Vec::new, |m| m.collections().iter().map(collection_status).collect()),
         problem: loaded.err().map(|e| e.to_string()),
-        ..unloadable(String::new())
     }
 }
 

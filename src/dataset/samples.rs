@@ -67,8 +67,8 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Checked: shapes agree, column names are unique, descriptors are finite, scores lie in 1..=5, weights are positive
-    /// and finite, and a material is in one group.
+    /// Checked: shapes agree, column names are unique, descriptors are finite, scores lie in 1..=5, weights are
+    /// positive and finite, and a material is in one group.
     pub fn new(columns: Vec<Column>, rows: Vec<Row>, features: Array2<f64>) -> Result<Self, SamplesError> {
         let shape = |what, found, expected| {
             if found == expected { Ok(()) } else { Err(SamplesError::Shape { what, found, expected }) }

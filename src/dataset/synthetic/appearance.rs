@@ -2,8 +2,8 @@
 //!
 //! 1. Radiance is exposed, tone-mapped per channel x (1 + x/w^2)/(1 + x) (Reinhard et al. 2002, eq. 4,
 //!    doi:10.1145/566654.566575, w = 4) and shown on a display of .5 to 200 cd/m^2.
-//! 2. Display light becomes I, T = Ct/2, P = Cp in ITP units of one just noticeable difference (ITU-R BT.2100-2 table 7;
-//!    BT.2124-0: times 720).
+//! 2. Display light becomes I, T = Ct/2, P = Cp in ITP units of one just noticeable difference (ITU-R BT.2100-2 table
+//!    7; BT.2124-0: times 720).
 //! 3. point: pixels are averaged over 3x3 neighbours (observers compare surfaces, not pixels), their Euclidean
 //!    differences pooled by the third power; structure: 1 - mean of (2 cov + c)/(var + var + c) of I in 5x5 windows on
 //!    two scales, c = 9; tint: difference of the mean T and P.

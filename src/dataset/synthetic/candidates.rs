@@ -9,7 +9,7 @@
 //! | WRONG-LOBE | WRONG-LOBE | another distribution of the same width at half maximum |
 //! | NOISE | NOISE | times exp(smooth noise over half/difference angles) |
 //! | STEP.1 to 3 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .25, .75 |
-//! | WARD, BLINN-PHONG | their own | one diffuse and one specular lobe of that model, refitted to peak, width and floor |
+//! | WARD, BLINN-PHONG | their own | a diffuse and a specular lobe of that model, refitted to peak, width and floor |
 //!
 //! Strengths are drawn from a fixed stream, so the candidates are always the same.
 

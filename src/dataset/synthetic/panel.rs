@@ -3,8 +3,8 @@
 //! r = 3 + g (q - 3) + b + s e,   grade = r rounded to 1..=5, or with probability l any grade
 //!
 //! q: quality of the pair, 1 to 5, from [`super::appearance`]; e: standard normal, new for each grade; of each
-//! observer: slope g = exp(N(0, .15)), bias b = N(0, .3) grades, noise s = .65 grades, lapse rate l uniform in 0 to .04.
-//! In the middle of the scale the variance of the grades of one pair is about .7 and the standard error of a mean
+//! observer: slope g = exp(N(0, .15)), bias b = N(0, .3) grades, noise s = .65 grades, lapse rate l uniform in 0 to
+//! .04. In the middle of the scale the variance of the grades of one pair is about .7 and the standard error of a mean
 //! opinion score about .15, as in crowd-sourced studies. A mean of 30 clipped grades does not reach 1 or 5.
 
 use super::candidates::normal;

@@ -4,11 +4,12 @@
 //! f = c + t(i) t(o) [ diffuse + sum of lobes + sheen + retro ],   c and t present with a coat only
 //!
 //! * diffuse: kd/pi times Oren and Nayar's qualitative factor A + B max(0, cos dphi) sin a tan b, with
-//!   A = 1 - s2/(2 s2 + .66), B = .45 s2/(s2 + .09), s2 = sigma^2 (sigma in radians; 0 is Lambert). Oren and Nayar 1994,
-//!   doi:10.1145/192161.192213;
-//! * lobe: weight D(theta_h) F(theta_d) V(i, o); D is GGX, Beckmann, or the Trowbridge-Reitz form of exponent 3/2 in its
-//!   longer-tailed normalisation (Burley 2012), all of slope width alpha; V is the height-uncorrelated Smith term of GGX
-//!   over 4 cos cos; F is Schlick's f0 + g (1 - f0)(1 - cos theta_d)^5, g = 1, or 0 where the Fresnel effect is lost;
+//!   A = 1 - s2/(2 s2 + .66), B = .45 s2/(s2 + .09), s2 = sigma^2 (sigma in radians; 0 is Lambert). Oren and Nayar
+//!   1994, doi:10.1145/192161.192213;
+//! * lobe: weight D(theta_h) F(theta_d) V(i, o); D is GGX, Beckmann, or the Trowbridge-Reitz form of exponent 3/2 in
+//!   its longer-tailed normalisation (Burley 2012), all of slope width alpha; V is the height-uncorrelated Smith term
+//!   of GGX over 4 cos cos; F is Schlick's f0 + g (1 - f0)(1 - cos theta_d)^5, g = 1, or 0 where the Fresnel effect is
+//!   lost;
 //! * sheen: colour (2 + 1/a) sin^(1/a) theta_h/(2 pi) / (4 (ci + co - ci co)), a the width. Estevez and Kulla 2017;
 //! * retro: colour (n + 1)/(2 pi) cos^n of the angle between light and viewer;
 //! * coat: a GGX lobe c of its own f0 and alpha; t = (1 - F(theta)) exp(-absorption/cos theta'), with theta' refracted

@@ -3,11 +3,11 @@
 //! L_o(p) = sum_k E(l_k) f(l_k, v) (n.l_k) 4 (v.h_k) sin theta_h dtheta_h dphi_h
 //!
 //! v: direction to the viewer; n: normal of pixel p; h_k: half vectors on a grid in the frame of n, theta_h =
-//! (pi/2) u^2 with u at the middles of 16 cells, phi_h at the middles of 12 from the plane of view; l_k = 2 (v.h_k) h_k -
-//! v; the factor
-//! 4 (v.h) turns solid angle of h into solid angle of l (Walter et al. 2007, eq. 14, doi:10.2312/EGWR/EGSR07/195-206).
-//! The grid is fine where lobes are narrow, so one set of weights serves every material from chalk to chrome. Directions
-//! mirrored at the plane of view have one value in every BRDF of the study, so their weights are added.
+//! (pi/2) u^2 with u at the middles of 16 cells, phi_h at the middles of 12 from the plane of view; l_k = 2 (v.h_k)
+//! h_k - v; the factor 4 (v.h) turns solid angle of h into solid angle of l (Walter et al. 2007, eq. 14,
+//! doi:10.2312/EGWR/EGSR07/195-206). The grid is fine where lobes are narrow, so one set of weights serves every
+//! material from chalk to chrome. Directions mirrored at the plane of view have one value in every BRDF of the study,
+//! so their weights are added.
 //!
 //! Light, shape and view are those of no descriptor. Cost: about 30,000 evaluations of the BRDF a picture.
 

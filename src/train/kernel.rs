@@ -250,3 +250,67 @@ fn normal_equations(factor: &Array2<f64>, y: &[f64], v: &[f64], rows: &[usize]) 
     }
     (scaled.t().dot(&scaled), right)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::samples::{Column, Role, Row, Samples};
+    use rand::Rng;
+
+    fn set(n: usize) -> TrainingSet {
+        let mut rng = seed::stream(2, "kernel-test", 0);
+        let features = Array2::from_shape_fn((n, 5), |_| rng.random::<f64>() - 0.5);
+        let columns = (0..5).map(|i| Column {
+            name: format!("c{i}"),
+            family: "test".into(),
+            role: if i < 4 { Role::Difference } else { Role::Context },
+        });
+        let rows = (0..n).map(|i| Row {
+            material: format!("m{}", i / 3),
+            group: format!("m{}", i / 3),
+            method: "a".into(),
+            method_family: "a".into(),
+            material_type: None,
+            mos: 4.0 - 2.0 * features[[i, 0]].abs() + features[[i, 4]],
+            weight: 0.5 + (i % 2) as f64,
+        });
+        TrainingSet::whole(&Samples::new(columns.collect(), rows.collect(), features.clone()).unwrap())
+    }
+
+    #[test]
+    fn all_pivots_give_kernel_ridge_regression() {
+        let set = set(30);
+        let kernel = Kernel { radial: Radial::Exponential, length: 1.0, linear: LINEAR };
+        let options = KernelRidge { kernels: vec![kernel], ridges: vec![0.1], landmarks: None };
+        let model = options.train(&set, 0).unwrap();
+        // The textbook form: a = (K' + ridge V^-1)^-1 (y - identity).
+        let data = Standardized::fit("test", &set).unwrap();
+        let mut system = Distances::new(&data.z, &data.z0).centred(&kernel);
+        let centred = system.clone();
+        let y: Vec<f64> = set.mos().iter().map(|m| m - IDENTITY_MOS).collect();
+        set.weights().iter().enumerate().for_each(|(i, v)| system[[i, i]] += 0.1 / v);
+        let a = solve(system.view(), 0.0, &y).unwrap();
+        for (i, predicted) in model.predict(set.features()).iter().enumerate() {
+            let direct = IDENTITY_MOS + dot(&centred.row(i).to_vec(), &a);
+            assert!((predicted - direct).abs() < 1e-5, "{predicted} {direct}");
+        }
+    }
+
+    #[test]
+    fn few_landmarks_store_few_weights() {
+        let model = KernelRidge::nystroem(10).train(&set(30), 0).unwrap();
+        assert_eq!(model.regressor().unwrap().weight_count(), 10);
+    }
+
+    #[test]
+    fn refuses_impossible_options() {
+        let bad = [
+            KernelRidge { landmarks: Some(0), ..KernelRidge::full() },
+            KernelRidge { ridges: vec![], ..KernelRidge::full() },
+            KernelRidge { ridges: vec![0.0], ..KernelRidge::full() },
+        ];
+        for options in bad {
+            assert!(matches!(options.train(&set(30), 0), Err(TrainError::Option { .. })));
+        }
+    }
+}

@@ -45,7 +45,7 @@ pub struct NeuralNetwork {
     pub rate: f64,
     /// Decoupled weight decay, as a factor of the learning rate.
     pub decay: f64,
-    /// Probability that a hidden unit is left out.
+    /// Probability that a hidden unit is left out; 0 by default, for the noise alone regularises as well.
     pub dropout: f64,
     /// Standard deviation of the noise on standardised inputs.
     pub noise: f64,
@@ -63,7 +63,7 @@ impl Default for NeuralNetwork {
             batch: 64,
             rate: 3e-3,
             decay: 1e-2,
-            dropout: 0.1,
+            dropout: 0.0,
             noise: 0.25,
             delta: 0.7,
         }

@@ -13,7 +13,8 @@ use crate::dataset::split::Fold;
 use crate::math::correlation;
 use crate::math::logistic::{Logistic4, LogisticError};
 use crate::math::seed;
-use crate::train::Trainer;
+use crate::train::trivial::MeanOf;
+use crate::train::{TrainError, Trainer};
 use ndarray::ArrayView1;
 use rand::Rng;
 use rayon::prelude::*;
@@ -52,33 +53,47 @@ pub fn cross_validate(
     trainer: &dyn Trainer,
     seed: u64,
 ) -> Result<OutOfFold, EvaluationError> {
-    let name = trainer.name();
-    check_coverage(samples, folds)?;
-    let run = |(index, fold): (usize, &Fold)| {
+    run_folds(trainer.name(), samples, folds, |index, fold| {
         let seed = seed::stream(seed, "cross-validation", index as u64).random();
-        let predictor = trainer.train(&fold.training, seed).map_err(|source| EvaluationError::Training {
-            metric: name.to_owned(),
-            fold: index,
-            training_rows: fold.training.rows().len(),
-            source,
-        })?;
-        let training = predictor.predict(fold.training.features());
-        let score = predictor.predict(fold.held_out.features());
-        map_fold(name, index, &training, &fold.training.mos(), score)
-    };
-    let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
-    assemble(name, samples, folds, predicted)
+        let predictor = trainer.train(&fold.training, seed)?;
+        Ok((predictor.predict(fold.training.features()), predictor.predict(fold.held_out.features())))
+    })
 }
 
 /// A classical metric, whose distances stand in the column called `name` (larger is worse) and need no training: only
 /// the logistic map is fitted, on each fold's training side, and the score of a row is its negated distance.
 pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) -> Result<OutOfFold, EvaluationError> {
-    check_coverage(samples, folds)?;
     let column = column_index(samples, name)?;
     let negated = |distances: ArrayView1<'_, f64>| distances.iter().map(|d| -d).collect::<Vec<f64>>();
+    run_folds(name, samples, folds, |_, fold| {
+        let (training, held_out) = (fold.training.features(), fold.held_out.features());
+        Ok((negated(training.column(column)), negated(held_out.column(column))))
+    })
+}
+
+/// The baselines that know what a row belongs to and nothing of its appearance.
+pub fn cross_validate_mean(samples: &Samples, folds: &[Fold], of: MeanOf) -> Result<OutOfFold, EvaluationError> {
+    run_folds(of.name(), samples, folds, |_, fold| {
+        let means = of.fit(&fold.training)?;
+        Ok((means.predict(fold.training.rows()), means.predict(fold.held_out.rows())))
+    })
+}
+
+/// Scores of the training and of the held-out rows by `predict`, mapped to MOS by the former.
+fn run_folds(
+    name: &str,
+    samples: &Samples,
+    folds: &[Fold],
+    predict: impl Fn(usize, &Fold) -> Result<(Vec<f64>, Vec<f64>), TrainError> + Sync,
+) -> Result<OutOfFold, EvaluationError> {
+    check_coverage(samples, folds)?;
     let run = |(index, fold): (usize, &Fold)| {
-        let training = negated(fold.training.features().column(column));
-        let score = negated(fold.held_out.features().column(column));
+        let (training, score) = predict(index, fold).map_err(|source| EvaluationError::Training {
+            metric: name.to_owned(),
+            fold: index,
+            training_rows: fold.training.rows().len(),
+            source,
+        })?;
         map_fold(name, index, &training, &fold.training.mos(), score)
     };
     let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;

@@ -54,12 +54,9 @@ pub fn cross_validate(
     trainer: &dyn Trainer,
     seed: u64,
 ) -> Result<OutOfFold, EvaluationError> {
-    over_folds(trainer.name(), samples, folds, |index, fold| {
-        let predictor = trainer.train(&fold.training, fold_seed(seed, index)).map_err(training_error(trainer.name(), index, fold))?;
-        Ok(FoldScores {
-            training: predictor.predict(fold.training.features()),
-            held_out: predictor.predict(fold.held_out.features()),
-        })
+    run_folds(trainer.name(), samples, folds, |index, fold| {
+        let predictor = trainer.train(&fold.training, fold_seed(seed, index))?;
+        Ok((predictor.predict(fold.training.features()), predictor.predict(fold.held_out.features())))
     })
 }
 
@@ -68,24 +65,22 @@ pub fn cross_validate(
 pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) -> Result<OutOfFold, EvaluationError> {
     let column = column_index(samples, name)?;
     let negated = |distances: ArrayView1<'_, f64>| distances.iter().map(|d| -d).collect::<Vec<f64>>();
-    over_folds(name, samples, folds, |_, fold| {
-        Ok(FoldScores {
-            training: negated(fold.training.features().column(column)),
-            held_out: negated(fold.held_out.features().column(column)),
-        })
+    run_folds(name, samples, folds, |_, fold| {
+        let (training, held_out) = (fold.training.features(), fold.held_out.features());
+        Ok((negated(training.column(column)), negated(held_out.column(column))))
     })
 }
 
-/// A trivial baseline: mean ratings of the training side, by what a row belongs to.
-pub fn cross_validate_means(samples: &Samples, folds: &[Fold], means: MeanOf) -> Result<OutOfFold, EvaluationError> {
-    over_folds(means.name(), samples, folds, |index, fold| {
-        let table = means.fit(&fold.training).map_err(training_error(means.name(), index, fold))?;
-        Ok(FoldScores { training: table.predict(fold.training.rows()), held_out: table.predict(fold.held_out.rows()) })
+/// The baselines that know what a row belongs to and nothing of its appearance.
+pub fn cross_validate_mean(samples: &Samples, folds: &[Fold], of: MeanOf) -> Result<OutOfFold, EvaluationError> {
+    run_folds(of.name(), samples, folds, |_, fold| {
+        let means = of.fit(&fold.training)?;
+        Ok((means.predict(fold.training.rows()), means.predict(fold.held_out.rows())))
     })
 }
 
 /// Standard deviation of the predictions of `members` models, each trained on resampled material groups of a fold's
-/// training side, for every row, in MOS.
+/// training side, for every row, in MOS; 0 for fewer than two members.
 pub fn cross_validate_spread(
     samples: &Samples,
     folds: &[Fold],
@@ -96,45 +91,38 @@ pub fn cross_validate_spread(
     check_coverage(samples, folds)?;
     let mut spread = vec![0.0; samples.len()];
     for (index, fold) in folds.iter().enumerate() {
-        let seed = fold_seed(seed, index);
-        let models = bootstrap_members(trainer, &fold.training, members, seed)
-            .map_err(training_error(trainer.name(), index, fold))?;
+        let models = bootstrap_members(trainer, &fold.training, members, fold_seed(seed, index))
+            .map_err(|source| training_error(trainer.name(), index, fold, source))?;
         let predicted: Vec<Vec<f64>> = models.iter().map(|m| m.predict(fold.held_out.features())).collect();
         for (k, &row) in fold.held_out.indices().iter().enumerate() {
             let mean = predicted.iter().map(|p| p[k]).sum::<f64>() / members as f64;
             let squares: f64 = predicted.iter().map(|p| (p[k] - mean).powi(2)).sum();
-            spread[row] = (squares / (members.max(2) - 1) as f64).sqrt();
+            spread[row] = if members < 2 { 0.0 } else { (squares / (members - 1) as f64).sqrt() };
         }
     }
     Ok(spread)
-}
-
-/// What a metric says of both sides of a fold.
-struct FoldScores {
-    training: Vec<f64>,
-    held_out: Vec<f64>,
 }
 
 fn fold_seed(seed: u64, index: usize) -> u64 {
     seed::stream(seed, "cross-validation", index as u64).random()
 }
 
-fn training_error(metric: &str, index: usize, fold: &Fold) -> impl Fn(TrainError) -> EvaluationError {
-    let (metric, training_rows) = (metric.to_owned(), fold.training.rows().len());
-    move |source| EvaluationError::Training { metric: metric.clone(), fold: index, training_rows, source }
+fn training_error(metric: &str, fold: usize, of: &Fold, source: TrainError) -> EvaluationError {
+    EvaluationError::Training { metric: metric.to_owned(), fold, training_rows: of.training.rows().len(), source }
 }
 
-/// Scores every fold in parallel, maps its held-out scores to MOS by its training side, and puts the rows together.
-fn over_folds(
+/// Scores of the training and of the held-out rows by `predict`, mapped to MOS by the former.
+fn run_folds(
     name: &str,
     samples: &Samples,
     folds: &[Fold],
-    score: impl Fn(usize, &Fold) -> Result<FoldScores, EvaluationError> + Sync,
+    predict: impl Fn(usize, &Fold) -> Result<(Vec<f64>, Vec<f64>), TrainError> + Sync,
 ) -> Result<OutOfFold, EvaluationError> {
     check_coverage(samples, folds)?;
     let run = |(index, fold): (usize, &Fold)| {
-        let scores = score(index, fold)?;
-        map_fold(name, index, &scores.training, &fold.training.mos(), scores.held_out)
+        let (training, score) =
+            predict(index, fold).map_err(|source| training_error(name, index, fold, source))?;
+        map_fold(name, index, &training, &fold.training.mos(), score)
     };
     let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
     assemble(name, samples, folds, predicted)

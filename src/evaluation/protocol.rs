@@ -10,7 +10,7 @@ use super::benchmark::{JudgedMetric, Jury, prediction_records, residuals_by_mate
 use super::bootstrap::Interval as Bounds;
 use super::calibration::Calibration;
 use super::cross_validation::{
-    OutOfFold, cross_validate, cross_validate_distance, cross_validate_means, cross_validate_spread, in_sample,
+    OutOfFold, cross_validate, cross_validate_distance, cross_validate_mean, cross_validate_spread, in_sample,
 };
 use super::records::{
     AblationRecord, DifferenceRecord, MaterialResidual, MetricKind, MetricRecord, PredictionRecord, Split,
@@ -105,7 +105,7 @@ impl Bench {
             match &contender.source {
                 Source::Trainer(trainer, samples) => cross_validate(samples, folds, *trainer, seed),
                 Source::Distance(samples) => cross_validate_distance(samples, folds, &contender.name),
-                Source::Means(means) => cross_validate_means(&self.samples, folds, *means),
+                Source::Means(means) => cross_validate_mean(&self.samples, folds, *means),
             }
         };
         let main = run(&grouped_folds(samples, folds, seed)?)?;

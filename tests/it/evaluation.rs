@@ -3,14 +3,18 @@
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand::seq::SliceRandom;
+use std::collections::HashMap;
 use vernis::dataset::samples::{Column, Role, Row, Samples};
 use vernis::dataset::split::{TrainingSet, grouped_folds, method_and_group_folds};
 use vernis::evaluation::EvaluationError;
 use vernis::evaluation::agreement::{Agreement, Figure, Ratings};
 use vernis::evaluation::benchmark::{JudgedMetric, Jury, residuals_by_material};
-use vernis::evaluation::cross_validation::{OutOfFold, cross_validate, cross_validate_distance, in_sample};
+use vernis::evaluation::cross_validation::{
+    OutOfFold, cross_validate, cross_validate_distance, cross_validate_mean, in_sample,
+};
 use vernis::evaluation::records::{MetricKind, RowSet, Split};
 use vernis::math::seed;
+use vernis::train::trivial::MeanOf;
 use vernis::train::{Predictor, TrainError, Trainer};
 
 const METHODS: [&str; 6] = ["ABC", "BAGHER", "BLINN-PHONG", "LAFORTUNE", "SGD", "WARD"];
@@ -232,4 +236,56 @@ fn residuals_name_the_material_that_is_farthest_off() {
     assert_eq!((found[0].material.as_str(), found[0].worst_method.as_str()), ("material-7", "SGD"));
     assert!((found[0].bias + 0.5).abs() < 1e-12 && (found[0].rms - 1.5f64.sqrt()).abs() < 1e-12);
     assert_eq!(found[1].rms, 0.0);
+}
+
+/// The published ratings as rows without descriptors.
+fn published_ratings(folder: &std::path::Path) -> Samples {
+    let table = |name: &str| {
+        let path = folder.join("lavoue2021").join(name);
+        csv::ReaderBuilder::new().delimiter(b';').from_path(path).unwrap()
+    };
+    let types: HashMap<String, String> = table("MaterialType.csv").deserialize().map(Result::unwrap).collect();
+    let ratings: Vec<(String, String, f64)> =
+        table("PerceptualDistances.csv").deserialize().map(Result::unwrap).collect();
+    let row = |(method, material, distance): (String, String, f64)| Row {
+        group: material.clone(),
+        material_type: types.get(&material).cloned(),
+        method_family: method.clone(),
+        mos: 5.0 - 4.0 * distance,
+        weight: 1.0,
+        method,
+        material,
+    };
+    let rows: Vec<Row> = ratings.into_iter().map(row).collect();
+    let features = Array2::zeros((rows.len(), 0));
+    Samples::new(vec![], rows, features).unwrap()
+}
+
+#[test]
+fn knowing_the_method_agrees_as_well_as_published_ratings_say() {
+    let Some(folder) = std::env::var_os("VERNIS_DATA") else {
+        println!("skipped: VERNIS_DATA is not set");
+        return;
+    };
+    let samples = published_ratings(folder.as_ref());
+    if samples.len() != 1638 {
+        println!("skipped: the expected values are those of the extract of 85 materials");
+        return;
+    }
+    let analytic: Vec<usize> = (0..samples.len()).filter(|&i| !samples.rows()[i].method.starts_with("GPLVM")).collect();
+    let analytic = samples.select_rows(&analytic);
+    // Mean MOS of the method over all other materials, by numpy; SciPy 1.17.1: stats.pearsonr, spearmanr, kendalltau
+    // over all rows, and the mean of stats.spearmanr over materials.
+    for (samples, plcc, ranks) in [
+        (&samples, 0.686028863132771, [0.6493951838576582, 0.44283302333326446, 0.7053104384820186]),
+        (&analytic, 0.4966447109052468, [0.40400174137552297, 0.25449483494882164, 0.5230251594250475]),
+    ] {
+        let folds = grouped_folds(samples, 85, 1).unwrap();
+        let found = cross_validate_mean(samples, &folds, MeanOf::Method).unwrap();
+        let found = Agreement::of(&Ratings::of(samples.rows()), &found.predictions).unwrap();
+        assert!((found.plcc_raw - plcc).abs() < 1e-12, "{found:?}");
+        // Means of the same ratings in another order are equal or not by rounding, and so are their ranks.
+        let found = [found.srocc, found.krocc, found.within_material_srocc.unwrap()];
+        assert!(found.iter().zip(ranks).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
+    }
 }

@@ -71,7 +71,8 @@ impl Cache {
         }
         let warning = self.prepare(setup);
         let features = BrdfFeatures::compute(brdf.brdf.as_ref(), setup)?;
-        Ok((features.clone(), self.store(brdf.content, &features, setup).err().or(warning)))
+        let warning = self.store(brdf.content, &features, setup).err().or(warning);
+        Ok((features, warning))
     }
 
     /// Makes the operators of `setup` available, from the cache or by building and keeping them.

@@ -11,7 +11,7 @@
 //!   h = (l + v) / |l + v|, cos theta_h = n.h, cos theta_d = v.h,
 //!   cos phi_d = |cos theta_h cos theta_d - n.l| / (sin theta_h sin theta_d)   (folded to 0..90 deg).
 //!
-//! Collecting the weights of each node gives one sparse row a pixel, about 900 of 3,840 nodes. The lights share the
+//! Collecting the weights of each node gives one sparse row a pixel, about 950 of 3,840 nodes. The lights share the
 //! nodes of a row (they never go dark) and differ in the weights.
 //!
 //! Cost: building for four lights visits 29 million (normal, cell) pairs, once a process or read from a cache;

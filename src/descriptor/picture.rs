@@ -279,3 +279,77 @@ impl PictureDifference {
         (structure / products.len() as f64, contrast / products.len() as f64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame() -> (Shape, Frame) {
+        let shape = Shape::sphere();
+        let frame = Frame::new(&shape);
+        (shape, frame)
+    }
+
+    /// A bright picture with detail at every scale.
+    fn scene(shape: &Shape) -> Vec<Rgb> {
+        let level = |c: usize| 50.0 + 40.0 * ((c % SIDE) as f64 * 0.9).sin() * ((c / SIDE) as f64 * 0.4).cos();
+        shape.cells().iter().map(|&c| [level(c), 0.8 * level(c), 0.5 * level(c)]).collect()
+    }
+
+    #[test]
+    fn twice_as_bright_is_a_shift_of_lightness_alone() {
+        let (shape, frame) = frame();
+        let radiance = scene(&shape);
+        let brighter: Vec<Rgb> = radiance.iter().map(|c| c.map(|v| 2.0 * v)).collect();
+        let (a, b) = (Picture::new(&frame, &radiance), Picture::new(&frame, &brighter));
+        let d = PictureDifference::new(&frame, &a, &b);
+        // The floor of .01 is a thousandth of the darkest pixel.
+        let shift = 20.0 * 2f64.ln();
+        let near = |v: f64| (v - shift).abs() < 0.02;
+        assert!(near(d.mean) && near(d.fourth_power_mean) && near(d.absolute_lightness) && near(d.signed_lightness));
+        assert!(near(d.local_mean) && d.quantiles.iter().all(|q| near(*q)), "{d:?}");
+        let rest = [d.chroma, d.chroma_shift, d.deviation, d.decorrelation, d.centred_rms, d.structure, d.contrast];
+        assert!(rest.iter().chain(&d.local_deviation).all(|v| v.abs() < 0.02), "{d:?}");
+    }
+
+    #[test]
+    fn moments_of_two_halves() {
+        let (shape, frame) = frame();
+        let grey = |l: f64| [(l / 20.0).exp() - 0.01; 3];
+        let picture = |left: f64, right: f64| {
+            let side = |c: &usize| grey(if c % SIDE < SIDE / 2 { left } else { right });
+            Picture::new(&frame, &shape.cells().iter().map(side).collect::<Vec<_>>())
+        };
+        // L is -10 and 10 in the reference, -30 and 20 in the candidate, on halves of equal size.
+        let d = PictureDifference::new(&frame, &picture(-10.0, 10.0), &picture(-30.0, 20.0));
+        let near = |v: f64, expected: f64| assert!((v - expected).abs() < 1e-9, "{v} {expected}");
+        near(d.absolute_lightness, 15.0);
+        near(d.signed_lightness, -5.0);
+        near(d.fourth_power_mean, ((20f64.powi(4) + 10f64.powi(4)) / 2.0).powf(0.25));
+        near(d.deviation, (26.0f64 / 11.0).ln());
+        near(d.decorrelation, 0.0);
+        near(d.centred_rms, 15.0);
+        near(d.quantiles[0], -20.0);
+        near(d.quantiles[3], 10.0);
+    }
+
+    #[test]
+    fn quantiles_of_a_ramp() {
+        let values: Vec<f64> = (0..1000).map(f64::from).collect();
+        let q = quantiles(&vec![1e-3; 1000], &values);
+        // The value at level p of 0, 1, ..., 999 with steps centred on the values is 1000 p - .5.
+        for (k, v) in q.iter().enumerate() {
+            assert!((v - (1000.0 * (k as f64 + 0.5) / 64.0 - 0.5)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn windows_off_the_disc_see_the_disc_only() {
+        let (shape, frame) = frame();
+        let flat = Picture::new(&frame, &vec![[0.3; 3]; shape.len()]);
+        let l = 20.0 * 0.31f64.ln();
+        for local in &flat.local {
+            assert!(local.mean.iter().all(|m| (m - l).abs() < 1e-9) && local.variance.iter().all(|v| *v < 1e-9));
+        }
+    }
+}

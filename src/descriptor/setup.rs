@@ -51,7 +51,8 @@ pub struct Setup {
     id: String,
     shape: Shape,
     frame: Frame,
-    lights: Vec<Light>,
+    /// In place of the lamps.
+    probe: Option<Light>,
     operators: OnceLock<Operators>,
 }
 
@@ -72,10 +73,7 @@ impl Setup {
     pub fn standard() -> Arc<Self> {
         static STANDARD: OnceLock<Arc<Setup>> = OnceLock::new();
         STANDARD
-            .get_or_init(|| {
-                let lamps = LAMPS.map(Light::lamps).to_vec();
-                Arc::new(Self::assemble("lamps".into(), lamps, "sphere".into(), Shape::sphere()))
-            })
+            .get_or_init(|| Arc::new(Self::assemble("lamps".into(), None, "sphere".into(), Shape::sphere())))
             .clone()
     }
 
@@ -84,12 +82,11 @@ impl Setup {
         if *options == DescriptorOptions::default() {
             return Ok(Self::standard());
         }
-        let (lights_id, lights) = match &options.lights {
-            Lights::Lamps => ("lamps".to_owned(), LAMPS.map(Light::lamps).to_vec()),
+        let (lights_id, probe) = match &options.lights {
+            Lights::Lamps => ("lamps".to_owned(), None),
             Lights::Probe(path) => {
                 let id = file_id("probe", path, |reason| DescriptorError::Probe { path: path.clone(), reason })?;
-                let probe = Light::probe(path)?;
-                (id, PROBE_TURNS.iter().map(|&t| probe.rotated(t)).collect())
+                (id, Some(Light::probe(path)?))
             }
         };
         let (shape_id, shape) = match &options.shape {
@@ -99,13 +96,12 @@ impl Setup {
                 (id, Shape::mesh(path)?)
             }
         };
-        Ok(Arc::new(Self::assemble(lights_id, lights, shape_id, shape)))
+        Ok(Arc::new(Self::assemble(lights_id, probe, shape_id, shape)))
     }
 
-    fn assemble(lights_id: String, mut lights: Vec<Light>, shape_id: String, shape: Shape) -> Self {
-        lights.push(Light::slot());
+    fn assemble(lights_id: String, probe: Option<Light>, shape_id: String, shape: Shape) -> Self {
         let id = format!("v{VERSION}-{lights_id}-{shape_id}");
-        Self { id, frame: Frame::new(&shape), shape, lights, operators: OnceLock::new() }
+        Self { id, frame: Frame::new(&shape), shape, probe, operators: OnceLock::new() }
     }
 
     /// Version and options, safe as part of a file name.
@@ -115,7 +111,7 @@ impl Setup {
 
     /// Number of lights; the slot is the last.
     pub fn lights(&self) -> usize {
-        self.lights.len()
+        1 + if self.probe.is_some() { PROBE_TURNS.len() } else { LAMPS.len() }
     }
 
     /// Pixels of a picture.
@@ -125,6 +121,16 @@ impl Setup {
 
     pub(super) fn frame(&self) -> &Frame {
         &self.frame
+    }
+
+    /// Only building the operators needs the lights themselves.
+    fn build_lights(&self) -> Vec<Light> {
+        let mut lights: Vec<Light> = match &self.probe {
+            Some(probe) => PROBE_TURNS.iter().map(|&turn| probe.rotated(turn)).collect(),
+            None => LAMPS.map(Light::lamps).to_vec(),
+        };
+        lights.push(Light::slot());
+        lights
     }
 
     pub(super) fn has_operators(&self) -> bool {
@@ -149,7 +155,7 @@ impl Setup {
             let tilted: Vec<Vec<Vec3>> =
                 ALBEDO_ANGLES.iter().map(|a| vec![Vec3::from_spherical(a.to_radians(), 0.0)]).collect();
             Operators {
-                pictures: Operator::build(&pixels, &self.lights),
+                pictures: Operator::build(&pixels, &self.build_lights()),
                 albedo: Operator::build(&tilted, &[Light::constant(1.0)]),
             }
         });

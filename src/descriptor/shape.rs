@@ -148,7 +148,9 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
             return Err(format!("line {number}: a face needs at least 3 corners"));
         }
         let corner = |k: usize| {
-            points.get(v[k] as usize).copied().ok_or(format!("line {number}: vertex {} of {vertices}", v[k]))
+            let whole = v[k] >= 0.0 && v[k].fract() == 0.0;
+            let point = points.get(v[k] as usize).filter(|_| whole);
+            point.copied().ok_or(format!("line {number}: vertex {} of {vertices}", v[k]))
         };
         for k in 2..corners {
             triangles.push([corner(1)?, corner(k)?, corner(k + 1)?]);

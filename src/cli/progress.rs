@@ -36,14 +36,17 @@ impl Bar {
     }
 
     /// Shows a stage whose length is not known.
+    #[cfg(feature = "train")]
     pub fn stage(&self, label: &'static str) {
         self.update(label, Progress { done: 0, total: 0 });
-        self.bar.tick();
+        self.label(label);
     }
 
-    /// Prints a line above the bar.
-    pub fn note(&self, line: &str) {
-        self.bar.suspend(|| eprintln!("{line}"));
+    /// Says what is being done, without a length.
+    #[cfg(feature = "train")]
+    pub fn label(&self, label: &str) {
+        self.bar.set_message(label.to_owned());
+        self.bar.tick();
     }
 
     pub fn finish(&self) {

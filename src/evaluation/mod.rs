@@ -12,6 +12,8 @@ pub mod cross_validation;
 pub mod dependent;
 pub mod protocol;
 pub mod records;
+#[cfg(feature = "train")]
+pub mod study_benchmark;
 
 use crate::dataset::split::SplitError;
 use crate::math::correlation::CorrelationError;

@@ -8,6 +8,8 @@
 mod cholesky;
 #[cfg(feature = "train")]
 pub mod embedding;
+#[cfg(feature = "train")]
+pub mod embedding_folds;
 pub mod ensemble;
 pub mod kernel;
 #[cfg(feature = "train")]
@@ -16,6 +18,8 @@ pub mod lp_baseline;
 #[cfg(feature = "train")]
 pub mod neural;
 pub mod matrix;
+#[cfg(feature = "train")]
+pub mod recipe;
 mod standardize;
 #[cfg(feature = "train")]
 pub mod svr;

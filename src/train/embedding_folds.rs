@@ -1,0 +1,173 @@
+//! Learned embeddings inside cross-validation: for each fold learned anew, on references whose material is not held out.
+//!
+//! Rows of the learned matrix are log-mapped node tables of references, and of other measured materials where there are
+//! some; candidates are never learned from. The differences of candidate and reference in the embedding are columns.
+
+use super::TrainError;
+use super::embedding::PrincipalComponents;
+use super::neural::autoencoder::Autoencoder;
+use crate::dataset::Study;
+use crate::dataset::samples::{Column, Role, Samples, SamplesError};
+use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
+use crate::descriptor::embedding::{LogSpace, log_map};
+use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Setup};
+use crate::brdf::BrdfSource;
+use ndarray::{Array2, Axis, concatenate};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use thiserror::Error;
+
+/// Coordinates of an embedding.
+const DIMENSION: usize = 8;
+
+#[derive(Debug, Error)]
+pub enum EmbeddingError {
+    #[error(transparent)]
+    Descriptor(#[from] DescriptorError),
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error(transparent)]
+    Samples(#[from] SamplesError),
+    #[error(transparent)]
+    Split(#[from] SplitError),
+    #[error("embedding {name}: {found} columns for {expected} rows")]
+    Shape { name: &'static str, found: usize, expected: usize },
+}
+
+/// How an embedding is learned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Learner {
+    PrincipalComponents,
+    Autoencoder,
+}
+
+impl Learner {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PrincipalComponents => "pca",
+            Self::Autoencoder => "autoencoder",
+        }
+    }
+
+    /// From a table to coordinates, learned on the rows.
+    fn learn(self, rows: &Array2<f64>, seed: u64) -> Result<Box<dyn Fn(&[f64]) -> Vec<f64> + Sync>, TrainError> {
+        match self {
+            Self::PrincipalComponents => {
+                let count = DIMENSION.min(rows.nrows().saturating_sub(1)).max(1);
+                let found = PrincipalComponents::fit(rows.view(), count)?;
+                Ok(Box::new(move |row| found.scores(row)))
+            }
+            Self::Autoencoder => {
+                let found = Autoencoder { code: DIMENSION, ..Autoencoder::default() }.train(rows.view(), seed)?;
+                Ok(Box::new(move |row| found.encode(row)))
+            }
+        }
+    }
+}
+
+/// Log-mapped tables of a study.
+pub struct TableBank {
+    /// By material: its group and its table.
+    references: BTreeMap<String, (String, Vec<f64>)>,
+    /// By row.
+    candidates: Vec<Vec<f64>>,
+    /// Measured materials that nobody rated.
+    others: Vec<Vec<f64>>,
+}
+
+impl TableBank {
+    /// Samples every BRDF of `study`, and those of `others`, through the cache.
+    pub fn gather(
+        study: &Study,
+        others: &[BrdfSource],
+        base: Option<&Path>,
+        cache: Option<&Cache>,
+        setup: &Setup,
+    ) -> Result<Self, DescriptorError> {
+        let table = |source: &BrdfSource| -> Result<Vec<f64>, DescriptorError> {
+            let open = source.open(base)?;
+            let features = match cache {
+                Some(cache) => cache.features(&open, setup)?.0,
+                None => BrdfFeatures::compute(open.brdf.as_ref(), setup)?,
+            };
+            Ok(log_map(features.table(), LogSpace::Opponent))
+        };
+        let mut first_of: BTreeMap<&str, &crate::dataset::RatedPair> = BTreeMap::new();
+        for pair in &study.pairs {
+            first_of.entry(&pair.material).or_insert(pair);
+        }
+        let references = first_of
+            .into_par_iter()
+            .map(|(m, p)| Ok((m.to_owned(), (p.group.clone(), table(&p.reference)?))))
+            .collect::<Result<BTreeMap<_, _>, DescriptorError>>()?;
+        let candidates = study.pairs.par_iter().map(|p| table(&p.candidate)).collect::<Result<_, _>>()?;
+        let others = others.par_iter().map(table).collect::<Result<_, _>>()?;
+        Ok(Self { references, candidates, others })
+    }
+
+    /// `samples` with columns of an embedding learned without the references of the groups in `held`.
+    fn extend(&self, samples: &Samples, held: &BTreeSet<&str>, learner: Learner, seed: u64) -> Result<Samples, EmbeddingError> {
+        let known = self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
+        let rows: Vec<&Vec<f64>> = known.chain(&self.others).collect();
+        let width = rows.first().map_or(0, |r| r.len());
+        let flat: Vec<f64> = rows.iter().flat_map(|r| r.iter().copied()).collect();
+        let shape = |found, expected| EmbeddingError::Shape { name: learner.name(), found, expected };
+        let matrix = Array2::from_shape_vec((rows.len(), width), flat).map_err(|_| shape(width, rows.len()))?;
+        let embed = learner.learn(&matrix, seed)?;
+        let references: BTreeMap<&str, Vec<f64>> =
+            self.references.par_iter().map(|(m, (_, table))| (m.as_str(), embed(table))).collect();
+        let differences: Vec<Vec<f64>> = samples
+            .rows()
+            .par_iter()
+            .zip(&self.candidates)
+            .map(|(row, table)| {
+                let reference = references.get(row.material.as_str());
+                embed(table).iter().zip(reference.into_iter().flatten()).map(|(c, r)| c - r).collect()
+            })
+            .collect();
+        let dimension = differences.first().map_or(0, Vec::len);
+        let flat: Vec<f64> = differences.into_iter().flatten().collect();
+        let found = flat.len();
+        let added =
+            Array2::from_shape_vec((samples.len(), dimension), flat).map_err(|_| shape(found, samples.len()))?;
+        let features = concatenate(Axis(1), &[samples.features(), added.view()])
+            .map_err(|_| shape(dimension, samples.len()))?;
+        let mut columns = samples.columns().to_vec();
+        columns.extend((0..dimension).map(|k| Column {
+            name: format!("{}.{k}", learner.name()),
+            family: learner.name().to_owned(),
+            role: Role::Difference,
+        }));
+        Ok(Samples::new(columns, samples.rows().to_vec(), features)?)
+    }
+}
+
+/// Folds by material, and by method and material, whose columns were learned inside each.
+pub struct EmbeddedFolds {
+    pub columns: usize,
+    pub by_material: Vec<Fold>,
+    pub by_method: Vec<Fold>,
+}
+
+/// The folds of [`crate::dataset::split`] with the same `folds` and `seed`, each with the columns of `samples` that `keep`
+/// accepts and those of an embedding learned on its training side.
+pub fn embedded_folds(
+    bank: &TableBank,
+    samples: &Samples,
+    learner: Learner,
+    folds: usize,
+    seed: u64,
+) -> Result<EmbeddedFolds, EmbeddingError> {
+    let plain = grouped_folds(samples, folds, seed)?;
+    let mut found = EmbeddedFolds { columns: 0, by_material: Vec::new(), by_method: Vec::new() };
+    for (k, fold) in plain.iter().enumerate() {
+        let held: BTreeSet<&str> = fold.held_out.rows().iter().map(|r| r.group.as_str()).collect();
+        let extended = bank.extend(samples, &held, learner, seed)?;
+        found.columns = extended.columns().len();
+        found.by_material.extend(grouped_folds(&extended, folds, seed)?.into_iter().nth(k));
+        let of_this_fold = |f: &Fold| f.held_out.rows().iter().all(|r| held.contains(r.group.as_str()));
+        found.by_method.extend(method_and_group_folds(&extended, folds, seed)?.into_iter().filter(of_this_fold));
+    }
+    Ok(found)
+}

@@ -19,11 +19,12 @@ pub fn load(path: &Path) -> Result<Study, DatasetError> {
     let bytes = std::fs::read(path).map_err(unreadable)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let pairs = parse(path, &bytes, folder)?;
+    let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let name = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
     if pairs.is_empty() {
         return Err(DatasetError::NoPairs { study: name, reason: format!("{} has no row", path.display()) });
     }
-    let file = StudyFile { path: path.into(), content: ContentHash::of(&bytes), as_published: None };
+    let file = StudyFile { name: file_name, content: ContentHash::of(&bytes), as_published: None };
     let completeness = Completeness { found: pairs.len(), known: pairs.len() };
     Ok(Study { name, synthetic: false, completeness, files: vec![file], pairs })
 }

@@ -51,14 +51,12 @@ pub struct Ratings {
     pub ignored_types: Vec<String>,
 }
 
-/// Where candidates' tables may be: `<folder>/<material>.<letter>.<extension>`.
+/// Where candidates' tables may be: `<folder><material>.<letter>.<extension>`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tables {
     pub folders: Vec<String>,
     pub extensions: Vec<String>,
-    /// Size of a table by extension, where all have one size.
-    pub bytes: BTreeMap<String, u64>,
 }
 
 /// Where the measured materials may be; `{material}` stands for the name.
@@ -350,6 +348,9 @@ mod tests {
         {
             assert_eq!(m.group(alone), alone);
         }
+        // The tail of a pattern counts, and head and tail do not share characters.
+        assert!(!matches_pattern("specular-*-phenolic", "specular-red-plastic"));
+        assert!(!matches_pattern("specular-*-phenolic", "specular-phenolic"));
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::brdf::{BrdfSource, ContentHash};
 use samples::Row;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A reference, a candidate that approximates it, and how similar people found them.
 #[derive(Debug, Clone)]
@@ -75,7 +75,8 @@ impl Completeness {
 /// A file that a study was made from, for provenance.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StudyFile {
-    pub path: PathBuf,
+    /// Its path in the data folder, or the file name of a user's study: the same on every machine.
+    pub name: String,
     pub content: ContentHash,
     /// Whether the content is what the study's manifest pins; `None` where nothing is pinned.
     pub as_published: Option<bool>,
@@ -98,7 +99,8 @@ impl Study {
     /// `datasets/README.md` describes.
     ///
     /// `data` is the folder that holds a published study's files as its manifest lists them; the other studies do not
-    /// need it here. BRDFs are opened later, one by one, with `BrdfSource::open(data)`.
+    /// need it here. Sources of a published study are paths in that folder: BRDFs are opened later, one by one, with
+    /// `BrdfSource::open(data)`.
     ///
     /// # Errors
     /// An unknown name, a missing or malformed file, or a study without a usable pair. A study that is only partly at

@@ -5,7 +5,7 @@ use super::ratings::{Rating, read_ratings, read_types};
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
 use crate::brdf::{BrdfSource, ContentHash};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Loads the rated pairs whose ratings and BRDFs are in `data`.
 pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetError> {
@@ -41,7 +41,7 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         .iter()
         .filter_map(|r| match &manifest.rebuilt {
             None => table_sources(rated, data, r).map(|sources| pair(r, sources, 1.0)),
-            Some(m) => rebuilt_sources(m, data, r).map(|sources| pair(r, sources, m.reliability.weight(&r.material))),
+            Some(m) => rebuilt_sources(m, r).map(|sources| pair(r, sources, m.reliability.weight(&r.material))),
         })
         .collect();
     if pairs.is_empty() {
@@ -55,6 +55,8 @@ fn no_pairs(manifest: &Manifest, data: &Path, ratings: usize) -> DatasetError {
     let from: Vec<String> = manifest.collections().iter().map(|c| format!("{}: {}", c.what, c.origin())).collect();
     let reason = if ratings == 0 {
         "the file of ratings has no row".to_owned()
+    } else if manifest.rebuilt.is_some() {
+        format!("none of its {ratings} ratings is of a method that can be rebuilt")
     } else {
         format!("none of the BRDFs of its {ratings} ratings is in {}; get {}", data.display(), from.join("; "))
     };
@@ -72,32 +74,25 @@ fn read_pinned(study: &str, data: &Path, pinned: &PinnedFile) -> Result<(Vec<u8>
     };
     let content = ContentHash::of(&bytes);
     let as_published = Some(content.to_string() == pinned.sha256);
-    Ok((bytes, StudyFile { path, content, as_published }))
+    Ok((bytes, StudyFile { name: pinned.path.clone(), content, as_published }))
 }
 
-/// Notation of a path of the data folder: the source notation wants text.
-fn notation(path: PathBuf) -> String {
-    path.to_string_lossy().into_owned()
-}
-
-/// The tables of a rated pair, when both are there.
+/// The tables of a rated pair, when both are there: paths in the data folder.
 fn table_sources(m: &RatedManifest, data: &Path, rating: &Rating) -> Option<(String, String)> {
     let letter = m.method(&rating.method)?.letter;
-    let references = m.references.paths.iter().map(|p| p.replace("{material}", &rating.material));
-    let candidates = m.tables.folders.iter().flat_map(|folder| {
+    let exists = |path: &String| data.join(path).is_file();
+    let mut references = m.references.paths.iter().map(|p| p.replace("{material}", &rating.material));
+    let mut candidates = m.tables.folders.iter().flat_map(|folder| {
         let tables = m.tables.extensions.iter();
-        tables.map(move |e| format!("{folder}/{}.{letter}.{e}", rating.material))
+        tables.map(move |e| format!("{folder}{}.{letter}.{e}", rating.material))
     });
-    let first = |mut paths: Box<dyn Iterator<Item = String> + '_>| {
-        paths.find_map(|p| Some(data.join(p.trim_start_matches("./"))).filter(|p| p.is_file()))
-    };
-    Some((notation(first(Box::new(references))?), notation(first(Box::new(candidates))?)))
+    Some((references.find(exists)?, candidates.find(exists)?))
 }
 
-/// The sources that rebuild a rated pair, when the manifest says how.
-fn rebuilt_sources(m: &RebuiltManifest, data: &Path, rating: &Rating) -> Option<(String, String)> {
+/// The sources that rebuild a rated pair, when the manifest says how: paths in the data folder.
+fn rebuilt_sources(m: &RebuiltManifest, rating: &Rating) -> Option<(String, String)> {
     let candidate = m.candidates.iter().find(|c| c.method == rating.method)?;
-    let source = |template: &str| notation(data.join(template.replace("{material}", &rating.material)));
+    let source = |template: &str| template.replace("{material}", &rating.material);
     Some((source(&m.reference), source(&candidate.source)))
 }
 
@@ -139,7 +134,7 @@ mod tests {
         assert_eq!((p.method.as_str(), p.mos, p.weight), ("ABC", 4.0, 1.0));
         assert_eq!((p.group.as_str(), p.material_type.as_deref()), ("pink-fabric", Some("Dielectric")));
         let BrdfSource::Notation(candidate) = &p.candidate else { panic!("a table is a notation") };
-        assert!(candidate.ends_with("pink-fabric.A.titopo"));
+        assert_eq!(candidate, "lavoue2021/tables/pink-fabric.A.titopo");
         // The manifest pins the published files, which these are not.
         assert!(study.files.iter().all(|f| f.as_published == Some(false)));
     }

@@ -1,12 +1,17 @@
 //! Reflectance functions: the trait, tabulated data, published models, file formats and the source notation.
 
+mod cell_finder;
+mod error;
 pub mod formats;
+mod grid;
 pub mod models;
 mod source;
 mod tabulated;
 
+pub use error::BrdfError;
+pub use grid::{Anchor, Grid, GridDirections};
 pub use source::{BrdfSource, ContentHash, OpenBrdf};
-pub use tabulated::{Anchor, Grid, TableError, TabulatedBrdf};
+pub use tabulated::{TableError, TabulatedBrdf};
 
 use crate::math::{Rgb, Vec3};
 

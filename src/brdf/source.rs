@@ -1,9 +1,31 @@
 //! One notation for a BRDF, used by every subcommand and every study.
+//!
+//! | notation | what |
+//! | --- | --- |
+//! | `alum-bronze.binary` | a MERL table |
+//! | `teflon.T.titopo`, `teflon.T.titopoh` | a Titopo table |
+//! | `merl_nbrdf.zip:teflon` | a network of an archive |
+//! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
+//! | `npf.bin:teflon` | tabulated factors |
+//! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model and its parameters, with overrides |
+//!
+//! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
+//! parameters as another model of the same fields.
 
-use super::Brdf;
+use super::formats::{extension, fit, map, merl, model_json, nbrdf, npf, titopo};
+use super::models::NamedParameters;
+use super::{Brdf, BrdfError};
 use sha2::{Digest, Sha256};
 use std::fmt;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// What an error message lists as allowed.
+pub(super) const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, ARCHIVE.zip:MATERIAL, \
+     FILE.fit:MATERIAL[?KEY=VALUE&...], npf.bin:MATERIAL, MODEL.json[?KEY=VALUE&...]";
+
+/// Folders below the data folder in which a relative path is looked for as well.
+const SUBFOLDERS: [&str; 5] = ["nbrdf", "published-fits", "bagher2016-npf", "merl", "lavoue2021"];
 
 /// SHA-256 of what defines a BRDF (file bytes, or the canonical form of a model's parameters): the cache key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -30,11 +52,199 @@ pub struct OpenBrdf {
     pub brdf: Arc<dyn Brdf>,
 }
 
+impl fmt::Debug for OpenBrdf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "OpenBrdf({}, {})", self.notation, self.content)
+    }
+}
+
 /// Where a BRDF comes from; nothing is read until it is opened.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub enum BrdfSource {
     /// The source notation, such as `merl_nbrdf.zip:teflon` or `low_lowmicrofacet_E2.fit:teflon?eta=2.5`.
     Notation(String),
     /// Made by code, as in the embedded study.
     Generated(OpenBrdf),
+}
+
+impl BrdfSource {
+    /// Checks the notation; whether the file exists is found out by [`BrdfSource::open`].
+    pub fn parse(notation: &str) -> Result<Self, BrdfError> {
+        Parsed::new(notation)?;
+        Ok(Self::Notation(notation.to_owned()))
+    }
+
+    /// Reads the BRDF. A relative path is tried as given, then below `base`, the data folder, and its known subfolders.
+    pub fn open(&self, base: Option<&Path>) -> Result<OpenBrdf, BrdfError> {
+        match self {
+            Self::Generated(open) => Ok(open.clone()),
+            Self::Notation(notation) => {
+                let (content, brdf) = Parsed::new(notation)?.open(base)?;
+                Ok(OpenBrdf { notation: notation.clone(), content, brdf })
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Merl,
+    Titopo,
+    Networks,
+    Fits,
+    Factors,
+    Json,
+}
+
+impl Kind {
+    fn of(path: &str) -> Option<Self> {
+        Some(match extension(Path::new(path)).as_str() {
+            "binary" => Self::Merl,
+            "titopo" | "titopoh" => Self::Titopo,
+            "zip" => Self::Networks,
+            "fit" => Self::Fits,
+            "bin" => Self::Factors,
+            "json" => Self::Json,
+            _ => return None,
+        })
+    }
+
+    fn has_materials(self) -> bool {
+        matches!(self, Self::Networks | Self::Fits | Self::Factors)
+    }
+
+    fn has_parameters(self) -> bool {
+        matches!(self, Self::Fits | Self::Json)
+    }
+}
+
+/// The parts of a notation.
+struct Parsed<'a> {
+    notation: &'a str,
+    kind: Kind,
+    path: &'a str,
+    material: &'a str,
+    overrides: Vec<(&'a str, &'a str)>,
+}
+
+impl<'a> Parsed<'a> {
+    fn new(notation: &'a str) -> Result<Self, BrdfError> {
+        let error = |reason: String| BrdfError::Notation { notation: notation.to_owned(), reason };
+        let (place, query) = match notation.split_once('?') {
+            Some((place, query)) => (place, Some(query)),
+            None => (notation, None),
+        };
+        // A colon belongs to the path unless what precedes it is a collection.
+        let split = place.rsplit_once(':').filter(|(path, _)| Kind::of(path).is_some());
+        let (path, material) = split.map_or((place, None), |(path, material)| (path, Some(material)));
+        let Some(kind) = Kind::of(path) else {
+            return Err(error(match extension(Path::new(path)) {
+                none if none.is_empty() => "the file name has no extension".to_owned(),
+                other => format!("the extension `{other}` is unknown"),
+            }));
+        };
+        let material = match (kind.has_materials(), material) {
+            (true, None | Some("")) => return Err(error(format!("`{path}` holds many materials, name one"))),
+            (false, Some(_)) => return Err(error(format!("`{path}` holds one material, it takes no name"))),
+            (_, material) => material.unwrap_or_default(),
+        };
+        if query.is_some() && !kind.has_parameters() {
+            return Err(error(format!("`{path}` holds no parameters to override")));
+        }
+        let assignment =
+            |part: &'a str| part.split_once('=').ok_or_else(|| error(format!("`{part}` is not of the form KEY=VALUE")));
+        let overrides = query.map_or(Ok(Vec::new()), |q| q.split('&').map(assignment).collect())?;
+        Ok(Self { notation, kind, path, material, overrides })
+    }
+
+    fn open(&self, base: Option<&Path>) -> Result<(ContentHash, Arc<dyn Brdf>), BrdfError> {
+        let path = &find(self.path, base)?;
+        let material = self.material;
+        Ok(match self.kind {
+            Kind::Merl | Kind::Titopo => {
+                let bytes = map(path)?;
+                let decode = if self.kind == Kind::Merl { merl::decode } else { titopo::decode };
+                let (table, content) = rayon::join(|| decode(path, &bytes), || ContentHash::of(&bytes));
+                (content, Arc::new(table?))
+            }
+            Kind::Networks => {
+                let bytes = nbrdf::member(path, material)?;
+                (ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?))
+            }
+            Kind::Factors => {
+                let row = npf::row(path, material)?;
+                (ContentHash::of(&row), Arc::new(npf::decode(path, material, &row)?))
+            }
+            Kind::Fits => self.model(fit::read(path, material)?)?,
+            Kind::Json => self.model(model_json::read(path)?)?,
+        })
+    }
+
+    /// The model of `parameters` after the overrides.
+    fn model(&self, mut parameters: NamedParameters) -> Result<(ContentHash, Arc<dyn Brdf>), BrdfError> {
+        for (key, value) in &self.overrides {
+            if *key == "model" {
+                parameters = self.read_as(&parameters, value)?;
+                continue;
+            }
+            let entries: Option<Vec<f64>> = value.split(',').map(|v| v.trim().parse().ok()).collect();
+            model_json::set(&mut parameters, self.notation, key, &entries.unwrap_or_default(), value)?;
+        }
+        let model = parameters.build().map_err(|cause| BrdfError::Model { place: self.notation.to_owned(), cause })?;
+        Ok((ContentHash::of(parameters.canonical().as_bytes()), model))
+    }
+
+    fn read_as(&self, parameters: &NamedParameters, model: &str) -> Result<NamedParameters, BrdfError> {
+        let fields = |p: &NamedParameters| p.fields().iter().map(|(f, _)| *f).collect::<Vec<_>>().join(", ");
+        let other = model_json::for_model(self.notation, model)?;
+        parameters.with_model(model).ok_or_else(|| BrdfError::Field {
+            place: self.notation.to_owned(),
+            field: "model".to_owned(),
+            found: format!("{model} ({})", fields(&other)),
+            allowed: format!("a model with the fields of {} ({})", parameters.model(), fields(parameters)),
+        })
+    }
+}
+
+/// The first place where the file exists.
+fn find(path: &str, base: Option<&Path>) -> Result<PathBuf, BrdfError> {
+    let mut tried = vec![PathBuf::from(path)];
+    if let (Some(base), true) = (base, Path::new(path).is_relative()) {
+        tried.push(base.join(path));
+        tried.extend(SUBFOLDERS.iter().map(|folder| base.join(folder).join(path)));
+    }
+    match tried.iter().find(|p| p.is_file()) {
+        Some(found) => Ok(found.clone()),
+        None => Err(BrdfError::NotFound { path: path.to_owned(), tried }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_notation_is_taken_apart() {
+        let p = Parsed::new("data/ngan_ward.fit:teflon?model=ward-duer&alpha=.2").expect("valid");
+        assert_eq!((p.path, p.material), ("data/ngan_ward.fit", "teflon"));
+        assert_eq!(p.overrides, [("model", "ward-duer"), ("alpha", ".2")]);
+        let p = Parsed::new("C:/a/teflon.T.titopo").expect("valid");
+        assert_eq!((p.path, p.material), ("C:/a/teflon.T.titopo", ""));
+    }
+
+    #[test]
+    fn a_wrong_notation_says_what_is_allowed() {
+        for (notation, expected) in [
+            ("teflon", "no extension"),
+            ("teflon.png", "extension `png` is unknown"),
+            ("merl_nbrdf.zip", "name one"),
+            ("merl_nbrdf.zip:", "name one"),
+            ("a.binary:teflon", "takes no name"),
+            ("a.zip:teflon?eta=1", "no parameters to override"),
+            ("a.fit:teflon?eta", "`eta` is not of the form KEY=VALUE"),
+        ] {
+            let message = BrdfSource::parse(notation).expect_err(notation).to_string();
+            assert!(message.contains(expected) && message.contains("allowed: PATH.binary"), "{message}");
+        }
+    }
 }

@@ -30,13 +30,21 @@ pub fn standard_directions(theta_i: f64, theta_o: f64, phi_d: f64) -> (Vec3, Vec
 /// Half and difference vectors of `wi`, `wo`, the whole pair rotated about the normal so that phi_h = 0.
 ///
 /// The difference vector is `wi` in the frame of the half vector. Opposite grazing directions, whose half vector
-/// vanishes, are given the normal as their half vector.
+/// vanishes, are given the normal as their half vector. Where the half vector is the normal its azimuth is undefined:
+/// it is taken across the plane of incidence (phi_d = -90 degrees), where rounding leads a naive `atan2` as well.
 pub fn half_and_difference_vectors(wi: Vec3, wo: Vec3) -> (Vec3, Vec3) {
     let sum = wi + wo;
     let length = sum.length();
     let h = if length > 1e-12 { sum * (1.0 / length) } else { Vec3::new(0.0, 0.0, 1.0) };
-    let sin_h = h.x.hypot(h.y);
-    let (cos_phi, sin_phi) = if sin_h > 1e-12 { (h.x / sin_h, h.y / sin_h) } else { (1.0, 0.0) };
+    let sin_h = (h.x * h.x + h.y * h.y).sqrt();
+    let sin_i = (wi.x * wi.x + wi.y * wi.y).sqrt();
+    let (cos_phi, sin_phi) = if sin_h > 1e-12 {
+        (h.x / sin_h, h.y / sin_h)
+    } else if sin_i > 1e-12 {
+        (-wi.y / sin_i, wi.x / sin_i)
+    } else {
+        (1.0, 0.0)
+    };
     // Rotate by -phi_h about the normal, then by -theta_h about the bitangent.
     let x = cos_phi * wi.x + sin_phi * wi.y;
     let y = cos_phi * wi.y - sin_phi * wi.x;
@@ -47,7 +55,11 @@ pub fn half_and_difference_vectors(wi: Vec3, wo: Vec3) -> (Vec3, Vec3) {
 /// Half/difference angles of a pair of unit directions.
 pub fn half_difference(wi: Vec3, wo: Vec3) -> HalfDifference {
     let (h, d) = half_and_difference_vectors(wi, wo);
-    HalfDifference { theta_h: h.x.atan2(h.z), theta_d: d.x.hypot(d.y).atan2(d.z), phi_d: d.y.atan2(d.x) }
+    HalfDifference {
+        theta_h: h.x.atan2(h.z),
+        theta_d: (d.x * d.x + d.y * d.y).sqrt().atan2(d.z),
+        phi_d: d.y.atan2(d.x),
+    }
 }
 
 /// The pair of unit directions at half/difference coordinates, with phi_h = 0. Either may lie below the horizon.
@@ -70,7 +82,7 @@ mod tests {
 
     #[test]
     fn half_difference_round_trip() {
-        for (theta_h, theta_d, phi_d) in [(0.1, 0.7, 0.4), (0.9, 0.2, -2.0), (0.0, 0.5, 1.0), (1.2, 0.1, 3.0)] {
+        for (theta_h, theta_d, phi_d) in [(0.1, 0.7, 0.4), (0.9, 0.2, -2.0), (0.01, 0.5, 1.0), (1.2, 0.1, 3.0)] {
             let c = HalfDifference { theta_h, theta_d, phi_d };
             let (wi, wo) = half_difference_directions(c);
             let back = half_difference(wi, wo);
@@ -86,6 +98,17 @@ mod tests {
         let c = half_difference(wi, wo);
         assert!(c.theta_h.abs() < 1e-12);
         assert!((c.theta_d - 0.6).abs() < 1e-12);
+        assert!((c.phi_d + 0.5 * PI).abs() < 1e-12);
+    }
+
+    #[test]
+    fn turning_the_pair_about_the_normal_changes_nothing() {
+        for (theta_h, phi_d) in [(0.0, -0.5 * PI), (0.4, 2.0)] {
+            let (wi, wo) = half_difference_directions(HalfDifference { theta_h, theta_d: 0.7, phi_d });
+            let (sin, cos) = 1.1f64.sin_cos();
+            let turn = |v: Vec3| Vec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
+            assert!((half_difference(turn(wi), turn(wo)).phi_d - phi_d).abs() < 1e-12);
+        }
     }
 
     #[test]

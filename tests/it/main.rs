@@ -1,2 +1,4 @@
 //! One binary for all integration tests.
+mod brdf;
+mod descriptor;
 mod train;

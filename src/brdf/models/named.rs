@@ -1,0 +1,95 @@
+//! A model's parameters by name: what files, overrides and content hashes are made of.
+
+use super::{AnalyticBrdf, MODELS, ModelError, Parameter, build, schema};
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// The identifier of a model and its parameter vector, not yet checked against the bounds.
+///
+/// A *field* is a parameter without its channel: `kd` has three entries, `alpha` one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedParameters {
+    model: &'static str,
+    schema: Vec<Parameter>,
+    values: Vec<Option<f64>>,
+}
+
+/// Why a field could not be set.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FieldError {
+    /// The model has no such field.
+    Unknown,
+    /// The field has this many entries.
+    Entries { allowed: usize },
+}
+
+impl NamedParameters {
+    /// All fields of `model` unset.
+    pub fn new(model: &str) -> Result<Self, ModelError> {
+        let schema = schema(model)?;
+        let model = MODELS.into_iter().find(|m| *m == model);
+        let model = model.ok_or_else(|| ModelError::UnknownModel { found: String::new() })?;
+        Ok(Self { model, values: vec![None; schema.len()], schema })
+    }
+
+    pub fn model(&self) -> &'static str {
+        self.model
+    }
+
+    /// The fields in order, each with its number of entries.
+    pub fn fields(&self) -> Vec<(&'static str, usize)> {
+        let mut fields: Vec<(&'static str, usize)> = Vec::new();
+        for parameter in &self.schema {
+            let field = field_of(parameter);
+            match fields.last_mut() {
+                Some((last, count)) if *last == field => *count += 1,
+                _ => fields.push((field, 1)),
+            }
+        }
+        fields
+    }
+
+    /// Sets all entries of a field.
+    pub fn set(&mut self, field: &str, entries: &[f64]) -> Result<(), FieldError> {
+        let first = self.schema.iter().position(|p| field_of(p) == field).ok_or(FieldError::Unknown)?;
+        let allowed = self.schema.iter().filter(|p| field_of(p) == field).count();
+        if entries.len() != allowed {
+            return Err(FieldError::Entries { allowed });
+        }
+        for (value, entry) in self.values[first..].iter_mut().zip(entries) {
+            *value = Some(*entry);
+        }
+        Ok(())
+    }
+
+    /// The first field that is still unset.
+    pub fn missing(&self) -> Option<&'static str> {
+        self.schema.iter().zip(&self.values).find(|(_, v)| v.is_none()).map(|(p, _)| field_of(p))
+    }
+
+    /// The same parameters read as another model; `None` unless both have the same fields.
+    pub fn with_model(&self, model: &str) -> Option<Self> {
+        let other = Self::new(model).ok()?;
+        (other.fields() == self.fields()).then(|| Self { values: self.values.clone(), ..other })
+    }
+
+    /// The checked model. Unset fields count as out of bounds.
+    pub fn build(&self) -> Result<Arc<dyn AnalyticBrdf>, ModelError> {
+        let values: Vec<f64> = self.values.iter().map(|v| v.unwrap_or(f64::NAN)).collect();
+        build(self.model, &values)
+    }
+
+    /// One text for one set of parameters, whatever file they came from.
+    pub fn canonical(&self) -> String {
+        let mut text = self.model.to_owned();
+        for (parameter, value) in self.schema.iter().zip(&self.values) {
+            // The shortest decimal form that reads back as the same number.
+            let _ = write!(text, ";{}={:?}", parameter.name, value.unwrap_or(f64::NAN));
+        }
+        text
+    }
+}
+
+fn field_of(parameter: &Parameter) -> &'static str {
+    parameter.name.split('.').next().unwrap_or(parameter.name)
+}

@@ -1,0 +1,210 @@
+//! Networks, fits and factors against values from outside.
+
+use super::{data, open};
+use rayon::prelude::*;
+use std::path::Path;
+use vernis::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf, formats};
+use vernis::math::coordinates::{HalfDifference, half_difference_directions, standard_directions};
+use vernis::math::{Rgb, Vec3, seed};
+
+/// `nbrdf_golden.json`: material, theta_i, theta_o, phi_d in degrees, linear RGB in 1/sr.
+const NETWORK_VALUES: [(&str, [f64; 3], Rgb); 9] = [
+    ("alum-bronze", [45.0, 45.0, 180.0], [12.320498448146276, 6.767432444509776, 3.8684941109416426]),
+    ("alum-bronze", [45.0, 20.0, 90.0], [0.020760345774353928, 0.01613412958714666, 0.01188786612597276]),
+    ("alum-bronze", [75.0, 75.0, 180.0], [233.03630527189222, 192.63243479264938, 205.91545401333974]),
+    ("teflon", [10.0, 10.0, 180.0], [0.1288144796394508, 0.12833245454153652, 0.13198361073843112]),
+    ("teflon", [60.0, 10.0, 0.0], [0.10176947053380636, 0.09992540591601085, 0.09611175151172713]),
+    ("teflon", [5.0, 70.0, 120.0], [0.10515842402502895, 0.10141482986387329, 0.10022266829016524]),
+    ("gold-metallic-paint", [30.0, 30.0, 180.0], [0.549726422985185, 0.39073216026088864, 0.11526923769799846]),
+    ("gold-metallic-paint", [45.0, 20.0, 90.0], [0.023004151685466212, 0.01592007676023277, 0.005539331472114606]),
+    ("gold-metallic-paint", [5.0, 70.0, 120.0], [0.027033147393597412, 0.01776948915788301, 0.006326656119707952]),
+];
+
+/// The layers are summed in f32: 27 terms of size 1 give a log value good to about 2e-6 of the value plus one.
+#[test]
+fn networks_give_the_values_of_their_authors_framework() {
+    let Some(data) = data() else { return };
+    for (material, angles, expected) in NETWORK_VALUES {
+        let network = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("material of the archive");
+        let [theta_i, theta_o, phi] = angles.map(f64::to_radians);
+        let (wi, wo) = standard_directions(theta_i, theta_o, phi);
+        let found = network.eval(wi, wo).expect("networks know everything");
+        for c in 0..3 {
+            assert!((found[c] - expected[c]).abs() < 4e-6 * (1.0 + expected[c]), "{material} {angles:?} {found:?}");
+        }
+    }
+}
+
+#[test]
+fn a_batch_gives_the_bits_of_single_evaluations() {
+    let Some(data) = data() else { return };
+    use rand::Rng;
+    let mut random = seed::stream(7, "network batch", 0);
+    let mut direction = || Vec3::from_spherical(random.random_range(0.0..1.7), random.random_range(0.0..6.3));
+    let (wi, wo): (Vec<Vec3>, Vec<Vec3>) = (0..101).map(|_| (direction(), direction())).unzip();
+    let network = open("merl_nbrdf.zip:chrome", &data).expect("material of the archive");
+    let mut batch = vec![None; wi.len()];
+    network.eval_batch(&wi, &wo, &mut batch);
+    for k in 0..wi.len() {
+        assert_eq!(batch[k], network.eval(wi[k], wo[k]));
+    }
+}
+
+/// D9.Cl of Lavoue et al. 2021 as their program computes it, on the odd degrees of the polar angles up to 79 and every
+/// fourth degree of azimuth: the root of the mean, over cells, of the summed squared differences of the channels'
+/// ln(max(f c + 1e-3, 1e-3)) with c = max(cos theta_i cos theta_o, 1e-3).
+fn log_cosine_distance(reference: &dyn Brdf, candidate: &dyn Brdf) -> f64 {
+    let polar = || (1..80).step_by(2).map(f64::from);
+    let directions: Vec<(Vec3, Vec3)> = polar()
+        .flat_map(|i| polar().flat_map(move |j| (0..90).map(move |k| [i, j, 4.0 * f64::from(k)])))
+        .map(|angles| angles.map(f64::to_radians))
+        .map(|[theta_i, theta_o, phi]| standard_directions(theta_i, theta_o, phi))
+        .collect();
+    let (wi, wo): (Vec<Vec3>, Vec<Vec3>) = directions.into_iter().unzip();
+    let evaluate = |brdf: &dyn Brdf| {
+        let mut out = vec![None; wi.len()];
+        brdf.eval_batch(&wi, &wo, &mut out);
+        out
+    };
+    let log = |value: Rgb, k: usize| {
+        let cosines = (wi[k].z * wo[k].z).max(1e-3);
+        value.map(|f| (f * cosines + 1e-3).max(1e-3).ln())
+    };
+    let (a, b) = (evaluate(reference), evaluate(candidate));
+    let sum: f64 = (0..wi.len())
+        .map(|k| {
+            let (a, b) = (log(a[k].expect("complete"), k), log(b[k].expect("complete"), k));
+            (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>()
+        })
+        .sum();
+    (sum / wi.len() as f64).sqrt()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    0.5 * (values[n / 2] + values[(n - 1) / 2])
+}
+
+/// Median distance to the networks that stand in for the measured materials, from a reconstruction of the published
+/// models on the full grid: .20, .32, .33, .48, .49, .49, given to two digits. The tolerance is the rounding (.005) plus
+/// what the coarser grid does to a median of 100, about a tenth of its own sampling error (.02).
+#[test]
+fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
+    let Some(data) = data() else { return };
+    for (file, count, expected) in [
+        ("low_lowmicrofacet_E2.fit", 100, 0.20),
+        ("bagher_sgd.fit", 100, 0.32),
+        ("npf.bin", 100, 0.33),
+        ("ngan_ward.fit", 86, 0.48),
+        ("ngan_blinnphong.fit", 86, 0.49),
+        ("ngan_lafortune.fit", 86, 0.49),
+    ] {
+        let folder = if file == "npf.bin" { "bagher2016-npf" } else { "published-fits" };
+        let materials = formats::materials(&data.join(folder).join(file)).expect("materials of a published file");
+        assert_eq!(materials.len(), count, "{file}");
+        let distances = materials.par_iter().map(|material| {
+            let reference = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("network of a material");
+            let candidate = open(&format!("{file}:{material}"), &data).expect("fit of a material");
+            log_cosine_distance(&*reference, &*candidate)
+        });
+        let found = median(distances.collect());
+        println!("{file}: median D9.Cl {found:.4}");
+        assert!((found - expected).abs() < 0.01, "{file}: {found}");
+    }
+}
+
+/// The rows of the factor file belong to the materials that the code says: of all hundred networks, a row's own is among
+/// the nearest for nearly all, and so is each of the pairs whose order is unusual.
+#[test]
+fn rows_of_the_factor_file_belong_to_their_materials() {
+    let Some(data) = data() else { return };
+    for [a, b] in [["blue-metallic-paint", "blue-metallic-paint2"], ["chrome", "chrome-steel"]] {
+        let at = |file: &str, material: &str| open(&format!("{file}:{material}"), &data).expect("known material");
+        let distance = |x: &str, y: &str| log_cosine_distance(&*at("merl_nbrdf.zip", x), &*at("npf.bin", y));
+        assert!(distance(a, a) + distance(b, b) < distance(a, b) + distance(b, a), "{a} {b}");
+    }
+}
+
+/// `merl_slices.png`: 8-bit sRGB of measured values, clipped at 1, 10 x 10 tiles of 90 x 90 (theta_d x theta_h) at
+/// phi_d = 89.5 degrees, flipped vertically. Median |ln ratio| of network and measurement: .057.
+#[test]
+fn networks_agree_with_the_measured_slice() {
+    let Some(data) = data() else { return };
+    let picture = image::open(data.join("merl/merl_slices.png")).expect("the slices").to_rgb8();
+    assert_eq!(picture.dimensions(), (900, 900));
+    let order = std::fs::read_to_string(data.join("merl/derived_tile_order.txt")).expect("the order of the tiles");
+    let linear = |v: u8| {
+        let v = f64::from(v) / 255.0;
+        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    };
+    let mut ratios = Vec::new();
+    for (tile, line) in order.lines().enumerate() {
+        let material = line.split('\t').nth(1).expect("index, tab, material");
+        let network = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("network of a material");
+        for row in 0..90u32 {
+            for column in 0..90u32 {
+                let position = (f64::from(column) + 0.5) / 90.0;
+                let (wi, wo) = half_difference_directions(HalfDifference {
+                    theta_h: position * position * std::f64::consts::FRAC_PI_2,
+                    theta_d: (f64::from(row) + 0.5).to_radians(),
+                    phi_d: 89.5f64.to_radians(),
+                });
+                let (x, y) = (tile as u32 % 10 * 90 + column, tile as u32 / 10 * 90 + row);
+                let pixel = picture.get_pixel(x, 899 - y).0;
+                let value = network.eval(wi, wo).expect("networks know everything");
+                for c in 0..3 {
+                    // Darker pixels are too coarse, the brightest are clipped.
+                    if (26..255).contains(&pixel[c]) && wi.z > 0.0 && wo.z > 0.0 {
+                        ratios.push((value[c] / linear(pixel[c])).ln().abs());
+                    }
+                }
+            }
+        }
+    }
+    let found = median(ratios);
+    println!("median |ln ratio| of networks and the measured slice: {found:.4}");
+    assert!((found - 0.057).abs() < 0.01, "{found}");
+}
+
+#[test]
+fn every_published_entry_opens_and_gives_a_table_without_gaps() {
+    let Some(data) = data() else { return };
+    let grid = Grid::Standard { theta_i: 9, theta_o: 9, phi_d: 36, anchor: vernis::brdf::Anchor::Edge };
+    for (folder, file) in [
+        ("nbrdf", "merl_nbrdf.zip"),
+        ("nbrdf", "nielsen_nbrdf.zip"),
+        ("nbrdf", "rgl-isotropic_nbrdf.zip"),
+        ("published-fits", "bagher_sgd.fit"),
+        ("published-fits", "low_lowmicrofacet_E2.fit"),
+        ("published-fits", "ngan_ward.fit"),
+        ("published-fits", "ngan_wardduer.fit"),
+        ("published-fits", "ngan_blinnphong.fit"),
+        ("published-fits", "ngan_lafortune.fit"),
+        ("bagher2016-npf", "npf.bin"),
+    ] {
+        let materials = formats::materials(&data.join(folder).join(file)).expect("materials");
+        assert!(materials.len() >= 8 && materials.is_sorted());
+        for material in materials {
+            let brdf = open(&format!("{file}:{material}"), &data).expect("a published entry");
+            let table = TabulatedBrdf::tabulate(&*brdf, grid).expect("finite values that are not negative");
+            assert!(table.valid().iter().all(|v| *v), "{file}:{material}");
+        }
+    }
+}
+
+#[test]
+fn content_hashes_follow_what_is_evaluated() {
+    let Some(data) = data() else { return };
+    let hash = |notation: &str, base: Option<&Path>| {
+        BrdfSource::parse(notation).expect("notation").open(base).expect("published").content
+    };
+    let base = Some(data.as_path());
+    let plain = hash("ngan_ward.fit:teflon", base);
+    assert_eq!(plain, hash("ngan_ward.fit:teflon?model=ward", base));
+    assert_eq!(plain, hash(&format!("{}:teflon", data.join("published-fits/ngan_ward.fit").display()), None));
+    assert_ne!(plain, hash("ngan_ward.fit:teflon?model=ward-duer", base));
+    assert_ne!(plain, hash("ngan_ward.fit:teflon?alpha=0.2", base));
+    assert_ne!(hash("npf.bin:teflon", base), hash("npf.bin:chrome", base));
+    assert_ne!(hash("merl_nbrdf.zip:teflon", base), hash("merl_nbrdf.zip:chrome", base));
+}

@@ -1,4 +1,5 @@
 //! One binary for all integration tests.
 mod brdf;
 mod descriptor;
+mod learned;
 mod train;

@@ -9,8 +9,8 @@ use crate::dataset::split::TrainingSet;
 use crate::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::evaluation::study_benchmark::{RunInfo, StudyBenchmark, data_hashes, protocol, run};
-use crate::metric::learned::exported::{DataHash, ExportedMetric, Provenance, Reached};
-use crate::metric::learned::{Regressor, compact_descriptors};
+use crate::metric::learned::Regressor;
+use crate::metric::learned::exported::{DataHash, Descriptors, ExportedMetric, Provenance, Reached};
 use crate::report::{OutputFolder, tables, write_benchmark};
 use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
 use crate::train::ensemble::bootstrap_members;
@@ -274,7 +274,7 @@ fn export(job: &Job, name: &str, seed: u64) -> Result<ExportedMetric> {
     Ok(ExportedMetric::new(
         name,
         recipe::METRIC_VERSION,
-        compact_descriptors(&job.setup),
+        Descriptors { setup: job.setup.id().to_owned(), set: DescriptorSet::compact() },
         portable(model.as_ref())?,
         members,
         job.bench.interval,

@@ -116,7 +116,7 @@ pub fn distances(
         if let (Some(lp), Some(variant)) = (&lp, metric.as_lp()) {
             return Ok(Distance { metric: name, value: lp.get(variant), channels: lp.channels(variant), score: None });
         }
-        let score = metric.as_learned().map(|learned| learned.score(reference, candidate)).transpose()?;
+        let score = metric.as_learned().map(|learned| learned.compare(reference, candidate)).transpose()?;
         let value = match score {
             Some(score) => score.distance,
             None => metric.distance(reference, candidate)?,

@@ -4,6 +4,7 @@ mod brdf;
 mod dataset;
 mod descriptor;
 mod evaluation;
+mod learned;
 mod lp;
 mod lp_golden;
 mod naive_lp;

@@ -4,7 +4,7 @@
 //! format         1; a reader refuses newer ones
 //! name           such as "vernis"
 //! metric_version of the numbers; quote it with any score
-//! descriptors    {set, setup}: which descriptors, computed how
+//! descriptors    {setup, set: {families, embeddings}}: which descriptors, computed how
 //! regressor      {identity_mos, inputs: [{name, role}], terms: [{weight, standardizer, function}]}, see `Regressor`
 //! members        [[term, ...], ...]: the same trained on resampled materials, for the spread of a prediction
 //! interval       {level, factor, offset}, see `Interval`
@@ -19,9 +19,9 @@
 //!
 //! spread being the standard deviation of the members' predictions. Identical BRDFs get a distance of exactly 0.
 
-use super::regressor::{Regressor, RegressorError, Term, difference};
+use super::regressor::{Input, Regressor, RegressorError, Term, difference};
+use crate::descriptor::{DescriptorError, DescriptorSet, Family, Setup};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 use thiserror::Error;
 
 /// Of files written by this version; older ones keep loading.
@@ -30,7 +30,7 @@ pub const FORMAT: u32 = 1;
 /// Significant digits of exported weights: those of an f32 and two more.
 const DIGITS: usize = 9;
 
-#[derive(Debug, Clone, PartialEq, Error)]
+#[derive(Debug, Error)]
 pub enum ExportedError {
     #[error("{file}, line {line}, column {column}: not an exported metric: {reason}")]
     Json { file: String, line: usize, column: usize, reason: String },
@@ -38,10 +38,12 @@ pub enum ExportedError {
     Read { file: String, reason: String },
     #[error("{file}: format {found} is newer than this program, which reads up to {supported}; update vernis")]
     NewerFormat { file: String, found: u32, supported: u32 },
-    #[error("{file}: unknown descriptors {found}; known: {known}")]
-    UnknownDescriptors { file: String, found: String, known: String },
-    #[error("{file}: {set} has no descriptor called {column}")]
-    UnknownColumn { file: String, set: String, column: String },
+    #[error("{file}: unknown descriptors: {source}")]
+    UnknownFamily { file: String, source: DescriptorError },
+    #[error("{file}: descriptors of setup {found}; this program computes {known}")]
+    UnknownSetup { file: String, found: String, known: String },
+    #[error("{file}: input {index} is {found}, but the descriptors have {expected} there")]
+    Columns { file: String, index: usize, found: String, expected: String },
     #[error("{file}: {what} is {found}; allowed: {allowed}")]
     Value { file: String, what: &'static str, found: String, allowed: &'static str },
     #[error("{file}: {part}: {source}")]
@@ -55,20 +57,12 @@ pub enum ExportedError {
 }
 
 /// Which descriptors a metric takes.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DescriptorSet {
-    /// Such as `compact-48`.
-    pub set: String,
-    /// Version and options of what computes them.
+pub struct Descriptors {
+    /// Version and options of what computes them, see [`Setup::id`].
     pub setup: String,
-}
-
-/// Descriptors that this program can compute, for checking a file against.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct KnownDescriptors {
-    pub descriptors: DescriptorSet,
-    pub columns: Vec<String>,
+    pub set: DescriptorSet,
 }
 
 /// How wide the interval about a prediction is: half-width = factor (spread + offset), in MOS.
@@ -147,7 +141,7 @@ pub struct ExportedMetric {
     format: u32,
     pub name: String,
     pub metric_version: String,
-    pub descriptors: DescriptorSet,
+    pub descriptors: Descriptors,
     pub regressor: Regressor,
     pub members: Vec<Vec<Term>>,
     pub interval: Interval,
@@ -171,7 +165,7 @@ impl ExportedMetric {
     pub fn new(
         name: &str,
         metric_version: &str,
-        descriptors: DescriptorSet,
+        descriptors: Descriptors,
         regressor: Regressor,
         members: Vec<Regressor>,
         interval: Interval,
@@ -199,26 +193,43 @@ impl ExportedMetric {
         Ok(metric)
     }
 
-    /// Reads the text of a file; `file` names it in errors, `known` are the descriptors that can be computed.
-    pub fn parse(text: &str, file: &str, known: &[KnownDescriptors]) -> Result<Self, ExportedError> {
-        let json = |e: serde_json::Error| ExportedError::Json {
-            file: file.to_owned(),
-            line: e.line(),
-            column: e.column(),
-            reason: e.to_string(),
-        };
-        // The version first: a newer file may have fields that this program cannot know.
+    /// Reads the text of a file; `file` names it in errors, `setup` is what computes descriptors here.
+    pub fn parse(text: &str, file: &str, setup: &Setup) -> Result<Self, ExportedError> {
+        // What a newer file, or one of other descriptors, is refused by comes first: the rest may not be readable.
         #[derive(Deserialize)]
         struct Header {
             format: u32,
         }
-        let found = serde_json::from_str::<Header>(text).map_err(json)?.format;
+        #[derive(Deserialize)]
+        struct Families {
+            families: Vec<String>,
+        }
+        #[derive(Deserialize)]
+        struct Names {
+            setup: String,
+            set: Families,
+        }
+        #[derive(Deserialize)]
+        struct Contents {
+            descriptors: Names,
+        }
+        let found = json::<Header>(text, file)?.format;
         if found > FORMAT {
             return Err(ExportedError::NewerFormat { file: file.to_owned(), found, supported: FORMAT });
         }
-        let metric: Self = serde_json::from_str(text).map_err(json)?;
+        let names = json::<Contents>(text, file)?.descriptors;
+        for family in &names.set.families {
+            Family::named(family).map_err(|source| ExportedError::UnknownFamily { file: file.to_owned(), source })?;
+        }
+        if names.setup != setup.id() {
+            return Err(ExportedError::UnknownSetup {
+                file: file.to_owned(),
+                found: names.setup,
+                known: setup.id().to_owned(),
+            });
+        }
+        let metric: Self = json(text, file)?;
         metric.check(file)?;
-        metric.check_descriptors(file, known)?;
         Ok(metric)
     }
 
@@ -277,9 +288,19 @@ impl ExportedMetric {
         if !(1.0..=5.0).contains(&self.regressor.identity_mos) {
             return value("identity_mos", self.regressor.identity_mos.to_string(), "1 to 5");
         }
-        let mut names = BTreeSet::new();
-        if let Some(twice) = self.regressor.inputs.iter().find(|i| !names.insert(&i.name)) {
-            return value("an input's name", twice.name.clone(), "names that differ");
+        let expected: Vec<Input> = self.descriptors.set.columns().iter().map(Input::from).collect();
+        let shown = |inputs: &[Input], i: usize| match inputs.get(i) {
+            Some(Input { name, role }) => format!("{name} ({role:?})"),
+            None => "nothing".to_owned(),
+        };
+        let inputs = &self.regressor.inputs;
+        if let Some(index) = (0..inputs.len().max(expected.len())).find(|&i| inputs.get(i) != expected.get(i)) {
+            return Err(ExportedError::Columns {
+                file: file.to_owned(),
+                index,
+                found: shown(inputs, index),
+                expected: shown(&expected, index),
+            });
         }
         let invalid = |part: String| move |source| ExportedError::Regressor { file: file.to_owned(), part, source };
         self.regressor.check().map_err(invalid("regressor".into()))?;
@@ -288,23 +309,13 @@ impl ExportedMetric {
         }
         Ok(())
     }
+}
 
-    fn check_descriptors(&self, file: &str, known: &[KnownDescriptors]) -> Result<(), ExportedError> {
-        let shown = |d: &DescriptorSet| format!("{} ({})", d.set, d.setup);
-        let Some(set) = known.iter().find(|k| k.descriptors == self.descriptors) else {
-            return Err(ExportedError::UnknownDescriptors {
-                file: file.to_owned(),
-                found: shown(&self.descriptors),
-                known: known.iter().map(|k| shown(&k.descriptors)).collect::<Vec<_>>().join(", "),
-            });
-        };
-        match self.regressor.inputs.iter().find(|input| !set.columns.contains(&input.name)) {
-            None => Ok(()),
-            Some(input) => Err(ExportedError::UnknownColumn {
-                file: file.to_owned(),
-                set: shown(&self.descriptors),
-                column: input.name.clone(),
-            }),
-        }
-    }
+fn json<'a, T: Deserialize<'a>>(text: &'a str, file: &str) -> Result<T, ExportedError> {
+    serde_json::from_str(text).map_err(|e| ExportedError::Json {
+        file: file.to_owned(),
+        line: e.line(),
+        column: e.column(),
+        reason: e.to_string(),
+    })
 }

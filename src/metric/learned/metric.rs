@@ -1,100 +1,86 @@
-//! An exported metric that computes its own descriptors: from two BRDFs to a score.
+//! An exported metric as a [`Metric`]: descriptors of two BRDFs, then its regressor.
 //!
-//! Cost: sampling a BRDF and taking its pictures, about 20 ms (once a reference when prepared), then about 1 ms a pair.
+//! Cost: that of the descriptors, see [`BrdfFeatures`]; the regressor takes less than a millisecond.
 
-use super::exported::{DescriptorSet as ExportedSet, ExportedError, ExportedMetric, KnownDescriptors, Score};
+use super::exported::{ExportedError, ExportedMetric, Score};
 use crate::brdf::Brdf;
-use crate::descriptor::{BrdfFeatures, DescriptorSet, Setup};
+use crate::descriptor::{BrdfFeatures, Setup};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Name of the descriptor set that exported metrics take.
-pub const COMPACT: &str = "compact-48";
-
-/// The text of the metric that comes with the library, `vernis`.
+/// The text of the metric that comes with the library.
 const SHIPPED: &str = include_str!("vernis.vernis.json");
 
-/// Which descriptors an exported metric trained with `setup` takes.
-pub fn compact_descriptors(setup: &Setup) -> ExportedSet {
-    ExportedSet { set: COMPACT.to_owned(), setup: setup.id().to_owned() }
-}
-
-/// A learned metric, ready to compare BRDFs.
+/// An exported metric and what computes its descriptors.
 #[derive(Debug, Clone)]
 pub struct LearnedMetric {
     exported: ExportedMetric,
-    set: DescriptorSet,
-    /// For each input of the regressor, its position among the descriptors of the set.
-    order: Vec<usize>,
     setup: Arc<Setup>,
 }
 
 impl LearnedMetric {
-    /// Reads the text of a `*.vernis.json` file, which `file` names in errors, for descriptors computed with `setup`.
+    /// `setup` must be the one that `exported` was read or made for.
+    pub fn new(exported: ExportedMetric, setup: Arc<Setup>) -> Result<Self, MetricError> {
+        if exported.descriptors.setup == setup.id() {
+            return Ok(Self { exported, setup });
+        }
+        Err(MetricError::Unusable {
+            side: "metric",
+            reason: format!(
+                "{} takes descriptors of setup {}, found {}",
+                exported.name,
+                exported.descriptors.setup,
+                setup.id()
+            ),
+        })
+    }
+
+    /// Reads a `*.vernis.json` file whose descriptors need no light probe and no mesh.
     ///
     /// # Errors
-    /// Text that is not an exported metric, one of a newer format, or one trained on other descriptors than `setup` gives.
-    pub fn parse(text: &str, file: &str, setup: Arc<Setup>) -> Result<Self, ExportedError> {
-        let set = DescriptorSet::compact();
-        let columns: Vec<String> = set.columns().into_iter().map(|c| c.name).collect();
-        let known = KnownDescriptors { descriptors: compact_descriptors(&setup), columns };
-        let exported = ExportedMetric::parse(text, file, std::slice::from_ref(&known))?;
-        let position = |name: &String| {
-            known.columns.iter().position(|c| c == name).ok_or_else(|| ExportedError::UnknownColumn {
-                file: file.to_owned(),
-                set: COMPACT.to_owned(),
-                column: name.clone(),
-            })
-        };
-        let order = exported.regressor.inputs.iter().map(|i| position(&i.name)).collect::<Result<_, _>>()?;
-        Ok(Self { exported, set, order, setup })
-    }
-
-    /// Reads a file whose descriptors need no light probe and no mesh.
+    /// A file that cannot be read, is no exported metric, is of a newer format, or takes other descriptors.
     pub fn load(path: &Path) -> Result<Self, ExportedError> {
-        Self::load_with(path, Setup::standard())
-    }
-
-    /// Reads a file whose descriptors are computed with `setup`.
-    pub fn load_with(path: &Path, setup: Arc<Setup>) -> Result<Self, ExportedError> {
         let file = path.display().to_string();
         let text = std::fs::read_to_string(path)
             .map_err(|e| ExportedError::Read { file: file.clone(), reason: e.to_string() })?;
-        Self::parse(&text, &file, setup)
+        Self::parse(&text, &file)
     }
 
-    /// The metric that comes with the library, trained on the open part of the study of Lavoué et al. 2021.
+    /// The metric `vernis` that comes with the library, trained on the open part of the study of Lavoué et al. 2021.
     pub fn shipped() -> Result<Self, ExportedError> {
-        Self::parse(SHIPPED, "the embedded metric", Setup::standard())
+        Self::parse(SHIPPED, "the embedded metric")
     }
 
-    pub fn exported(&self) -> &ExportedMetric {
-        &self.exported
+    fn parse(text: &str, file: &str) -> Result<Self, ExportedError> {
+        let setup = Setup::standard();
+        Ok(Self { exported: ExportedMetric::parse(text, file, &setup)?, setup })
     }
 
+    /// What computes the descriptors.
     pub fn setup(&self) -> &Setup {
         &self.setup
     }
 
-    /// What the metric keeps of a BRDF; `side` names it in errors.
+    /// What the file holds.
+    pub fn exported(&self) -> &ExportedMetric {
+        &self.exported
+    }
+
+    /// What depends on one BRDF alone; `side` names it in errors.
     pub fn features(&self, brdf: &dyn Brdf, side: &'static str) -> Result<BrdfFeatures, MetricError> {
-        BrdfFeatures::compute(brdf, &self.setup)
-            .map_err(|e| MetricError::Unusable { side, reason: e.to_string() })
+        BrdfFeatures::compute(brdf, &self.setup).map_err(|e| MetricError::Unusable { side, reason: e.to_string() })
     }
 
-    /// Distance, mean opinion score and its interval.
-    pub fn score_features(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<Score, MetricError> {
-        let raw = self.set.compare(reference, candidate, &self.setup);
-        let inputs: Vec<f64> = self.order.iter().map(|&i| raw[i]).collect();
-        self.exported
-            .score(&inputs)
-            .map_err(|e| MetricError::Unusable { side: "descriptors", reason: e.to_string() })
+    /// Distance, mean opinion score and interval.
+    pub fn score(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<Score, MetricError> {
+        let raw = self.exported.descriptors.set.compare(reference, candidate, &self.setup);
+        self.exported.score(&raw).map_err(|e| MetricError::Unusable { side: "descriptors", reason: e.to_string() })
     }
 
-    /// As [`LearnedMetric::score_features`], from the BRDFs themselves.
-    pub fn score(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Score, MetricError> {
-        self.score_features(&self.features(reference, "reference")?, &self.features(candidate, "candidate")?)
+    /// As [`LearnedMetric::score`], from the BRDFs themselves.
+    pub fn compare(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Score, MetricError> {
+        self.score(&self.features(reference, "reference")?, &self.features(candidate, "candidate")?)
     }
 }
 
@@ -104,17 +90,16 @@ impl Metric for LearnedMetric {
     }
 
     fn properties(&self) -> Properties {
-        let p = &self.exported.provenance;
-        let synthetic = if p.synthetic { " by SYNTHETIC observers" } else { "" };
+        let made_of = if self.exported.provenance.synthetic { "SYNTHETIC ratings" } else { "human ratings" };
         Properties {
-            unit: "MOS below that of identical BRDFs",
+            unit: "MOS",
             symmetric: false,
             usable_as_loss: true,
             summary: format!(
-                "learned, version {}, from {} pairs of {} materials of {}, rated{synthetic}",
-                self.exported.metric_version, p.rows, p.materials, p.study
+                "learned from {made_of} of {} pairs ({}), version {}",
+                self.exported.provenance.rows, self.exported.provenance.study, self.exported.metric_version
             ),
-            source: "this library; ratings of Lavoue et al. 2021, doi:10.1111/cgf.142636, unless synthetic",
+            source: "vernis; see the model card",
         }
     }
 
@@ -135,6 +120,6 @@ struct Prepared<'a> {
 impl PreparedMetric for Prepared<'_> {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
         let candidate = self.metric.features(candidate, "candidate")?;
-        Ok(self.metric.score_features(&self.reference, &candidate)?.distance)
+        Ok(self.metric.score(&self.reference, &candidate)?.distance)
     }
 }

@@ -1,0 +1,214 @@
+//! The exported metric seen from outside: round trip, identity, and every file that must be refused.
+
+use ndarray::Array2;
+use rand::Rng;
+use vernis::brdf::models::Ggx;
+use vernis::dataset::samples::{Role, Row, Samples};
+use vernis::dataset::split::TrainingSet;
+use vernis::descriptor::{DescriptorSet, Setup};
+use vernis::math::seed::stream;
+use vernis::metric::Metric;
+use vernis::metric::learned::exported::{DataHash, Descriptors, FORMAT, Interval, Provenance, Reached};
+use vernis::metric::learned::{ExportedError, ExportedMetric, LearnedMetric, Regressor};
+use vernis::train::ensemble::bootstrap_members;
+use vernis::train::kernel::KernelRidge;
+use vernis::train::{IDENTITY_MOS, Predictor, Trainer};
+
+/// Ratings of random descriptors of compact 48: only their shapes matter here.
+fn samples() -> Samples {
+    let mut rng = stream(4, "learned-test", 0);
+    let columns = DescriptorSet::compact().columns();
+    let features = Array2::from_shape_fn((60, columns.len()), |_| rng.random_range(-1.0..1.0f64));
+    let rows = features.outer_iter().enumerate().map(|(i, x)| Row {
+        material: format!("m{}", i / 4),
+        group: format!("m{}", i / 4),
+        method: "a".into(),
+        method_family: "a".into(),
+        material_type: None,
+        mos: (4.3 - 2.0 * x[0].abs()).clamp(1.0, 5.0),
+        weight: 1.0,
+    });
+    let rows = rows.collect();
+    Samples::new(columns, rows, features).unwrap()
+}
+
+fn portable(model: &dyn Predictor) -> Regressor {
+    model.regressor().unwrap().clone()
+}
+
+fn exported() -> ExportedMetric {
+    let set = TrainingSet::whole(&samples());
+    let trainer = KernelRidge::nystroem(12);
+    let members = bootstrap_members(&trainer, &set, 3, 1).unwrap();
+    ExportedMetric::new(
+        "test-metric",
+        "1",
+        Descriptors { setup: Setup::standard().id().to_owned(), set: DescriptorSet::compact() },
+        portable(trainer.train(&set, 1).unwrap().as_ref()),
+        members.iter().map(|m| portable(m.as_ref())).collect(),
+        Interval::calibrate(&[0.1, -0.3, 0.2, 0.5, -0.1], &[0.1; 5], 0.9).unwrap(),
+        Provenance {
+            study: "random numbers".into(),
+            synthetic: true,
+            rows: 60,
+            materials: 15,
+            data: vec![DataHash { name: "none".into(), sha256: "00".into() }],
+            seed: 1,
+            command: "cargo test".into(),
+            crate_version: env!("CARGO_PKG_VERSION").into(),
+            agreement: vec![Reached { measure: "srocc".into(), rows: "all".into(), value: 0.5, low: 0.4, high: 0.6 }],
+        },
+    )
+    .unwrap()
+}
+
+fn parse(text: &str) -> Result<ExportedMetric, ExportedError> {
+    ExportedMetric::parse(text, "m.vernis.json", &Setup::standard())
+}
+
+#[test]
+fn what_is_written_is_read_back_bit_for_bit() {
+    let metric = exported();
+    let text = metric.to_json().unwrap();
+    let back = parse(&text).unwrap();
+    assert_eq!(back, metric);
+    assert_eq!(back.to_json().unwrap(), text);
+    assert_eq!(exported().to_json().unwrap(), text, "the same training gives the same bytes");
+}
+
+#[test]
+fn scores_are_exact_at_identity_and_bounded() {
+    let metric = exported();
+    for (i, row) in samples().features().outer_iter().enumerate() {
+        let mut raw = row.to_vec();
+        let score = metric.score(&raw).unwrap();
+        assert!(score.distance >= 0.0 && score.low <= score.mos && score.mos <= score.high, "row {i}: {score:?}");
+        assert!(score.low >= 1.0 && score.high <= 5.0);
+        for (x, input) in raw.iter_mut().zip(&metric.regressor.inputs) {
+            if input.role == Role::Difference {
+                *x = if i % 2 == 0 { 0.0 } else { -0.0 };
+            }
+        }
+        let identical = metric.score(&raw).unwrap();
+        assert_eq!((identical.distance, identical.mos), (0.0, IDENTITY_MOS));
+        assert_eq!(metric.spread(&raw), 0.0);
+    }
+}
+
+#[test]
+fn a_score_needs_all_descriptors_and_finite_ones() {
+    let metric = exported();
+    assert!(matches!(metric.score(&[0.0; 3]), Err(ExportedError::Inputs { found: 3, expected: 48, .. })));
+    let mut raw = [0.1; 48];
+    raw[5] = f64::NAN;
+    assert!(matches!(metric.score(&raw), Err(ExportedError::NotFinite { .. })));
+}
+
+#[test]
+fn distance_between_brdfs_is_zero_only_for_the_same() {
+    let metric = LearnedMetric::new(exported(), Setup::standard()).unwrap();
+    let ggx = |alpha| Ggx::new([0.2, 0.1, 0.05], [0.05, 0.06, 0.08], alpha).unwrap();
+    let prepared = metric.prepare(&ggx(0.1)).unwrap();
+    assert_eq!(prepared.distance(&ggx(0.1)).unwrap(), 0.0);
+    assert_ne!(prepared.distance(&ggx(0.4)).unwrap(), 0.0);
+}
+
+/// The file with one part changed.
+fn tampered(change: impl Fn(&mut serde_json::Value)) -> ExportedError {
+    let mut value: serde_json::Value = serde_json::from_str(&exported().to_json().unwrap()).unwrap();
+    change(&mut value);
+    parse(&value.to_string()).unwrap_err()
+}
+
+#[test]
+fn files_of_the_future_or_of_other_descriptors_are_refused() {
+    let newer = tampered(|v| {
+        v["format"] = (FORMAT + 1).into();
+        v["something"] = "new".into();
+    });
+    assert_eq!(
+        newer.to_string(),
+        "m.vernis.json: format 2 is newer than this program, which reads up to 1; update vernis"
+    );
+    let family = tampered(|v| v["descriptors"]["set"]["families"][0] = "holograms".into());
+    assert!(matches!(family, ExportedError::UnknownFamily { .. }), "{family}");
+    assert!(family.to_string().contains("`holograms` is unknown; known: lights, slot"), "{family}");
+    let setup = tampered(|v| v["descriptors"]["setup"] = "v99".into());
+    assert!(matches!(setup, ExportedError::UnknownSetup { .. }), "{setup}");
+    let fewer = tampered(|v| v["descriptors"]["set"]["families"] = serde_json::json!(["lights"]));
+    assert!(matches!(fewer, ExportedError::Columns { index: 18, .. }), "{fewer}");
+    let renamed = tampered(|v| v["regressor"]["inputs"][2]["name"] = "lights.other".into());
+    assert!(matches!(renamed, ExportedError::Columns { index: 2, .. }), "{renamed}");
+    let role = tampered(|v| v["regressor"]["inputs"][0]["role"] = "context".into());
+    assert!(matches!(role, ExportedError::Columns { index: 0, .. }), "{role}");
+}
+
+#[test]
+fn damaged_numbers_are_refused() {
+    let remove = |path: &'static str| {
+        tampered(move |v| {
+            v.pointer_mut(path).unwrap().as_array_mut().unwrap().pop();
+        })
+    };
+    for path in [
+        "/regressor/terms/0/function/weights",
+        "/regressor/terms/0/function/landmarks",
+        "/regressor/terms/0/standardizer/features",
+        "/regressor/terms",
+        "/members/1/0/function/weights",
+    ] {
+        let error = remove(path);
+        assert!(matches!(error, ExportedError::Regressor { .. }), "{path}: {error}");
+    }
+    let set = |path: &'static str, x: serde_json::Value| tampered(move |v| *v.pointer_mut(path).unwrap() = x.clone());
+    let scale = set("/regressor/terms/0/standardizer/features/0/scale", 0.0.into());
+    assert!(matches!(scale, ExportedError::Regressor { .. }), "{scale}");
+    let input = set("/regressor/terms/0/standardizer/features/0/input", 48.into());
+    assert!(matches!(input, ExportedError::Regressor { .. }), "{input}");
+    for (path, x) in [("/interval/factor", -1.0), ("/interval/level", 1.0), ("/regressor/identity_mos", 7.0)] {
+        let error = set(path, x.into());
+        assert!(matches!(error, ExportedError::Value { .. }), "{path}: {error}");
+    }
+    // Not a number is null in JSON; an overflow is no number at all.
+    let null = set("/regressor/terms/0/function/weights/0", serde_json::Value::Null);
+    assert!(matches!(null, ExportedError::Json { .. }), "{null}");
+    let text = exported().to_json().unwrap().replacen("\"weight\":1.0", "\"weight\":1e999", 1);
+    assert!(matches!(parse(&text), Err(ExportedError::Json { .. })));
+    assert!(matches!(parse("{"), Err(ExportedError::Json { line: 1, .. })));
+    assert!(matches!(parse("[1, 2]"), Err(ExportedError::Json { .. })));
+}
+
+#[test]
+fn a_calibrated_interval_covers_what_it_says() {
+    let residuals: Vec<f64> = (0..100).map(|i| (i as f64 / 50.0 - 1.0) * (1.0 + (i % 3) as f64)).collect();
+    let spreads: Vec<f64> = (0..100).map(|i| 0.2 * (i % 3) as f64).collect();
+    for level in [0.5, 0.9, 0.95] {
+        let interval = Interval::calibrate(&residuals, &spreads, level).unwrap();
+        let inside = residuals
+            .iter()
+            .zip(&spreads)
+            .filter(|(r, s)| r.abs() <= interval.factor * (*s + interval.offset) + 1e-12)
+            .count();
+        // The level, up to one row in a hundred and ties.
+        assert!((level - 1e-9..=level + 0.03).contains(&(inside as f64 / 100.0)), "{level}: {inside}");
+    }
+    assert!(Interval::calibrate(&[], &[], 0.9).is_none());
+    assert!(Interval::calibrate(&[0.1], &[0.1], 1.0).is_none());
+}
+
+#[test]
+fn members_of_another_model_are_refused() {
+    let metric = exported();
+    let mut other = metric.regressor.clone();
+    other.identity_mos = 4.4;
+    let made = ExportedMetric::new(
+        "x",
+        "1",
+        metric.descriptors.clone(),
+        metric.regressor.clone(),
+        vec![other],
+        metric.interval,
+        metric.provenance.clone(),
+    );
+    assert!(matches!(made, Err(ExportedError::Write { .. })));
+}

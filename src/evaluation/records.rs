@@ -138,7 +138,8 @@ pub struct MaterialResidual {
     pub worst_error: f64,
 }
 
-/// A rated pair and what the metrics of [`BenchmarkRecord::headline`] predicted for it without having seen its material.
+/// A rated pair and what metrics, those of [`BenchmarkRecord::headline`] at least, predicted for it without having seen
+/// its material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PredictionRecord {
     pub material: String,

@@ -8,7 +8,8 @@ use std::fmt::Write;
 /// Rows of the table of residuals.
 const MOST_RESIDUALS: usize = 15;
 
-const HOW_TO_READ: &str = "A learned metric gives a predicted mean opinion score: 5 means that people would not tell the \
+const HOW_TO_READ: &str = "\
+A learned metric gives a predicted mean opinion score: 5 means that people would not tell the \
 candidate from the reference, 1 that it looks very different. PLCC and SROCC say how straight and how well ordered the \
 relation between predictions and ratings is (1 is perfect, 0 is none); every figure is measured on materials that the \
 metric, and its map to the scale of the ratings, have not seen, unless it says in sample. Intervals hold 95 % of \
@@ -18,9 +19,9 @@ const SYNTHETIC: &str =
     "SYNTHETIC observers: these ratings were simulated by a program. Nothing here says how people see.";
 
 const STYLE: &str = "
-:root { color-scheme: light dark; --ink: #1c1c1c; --paper: #fdfdfc; --faint: #6b6b6b; --line: #d9d9d6; --band: #f3f3f0; }
+:root { color-scheme: light dark; --ink: #1c1c1c; --paper: #fdfdfc; --faint: #6b6b6b; --line: #d9d9d6; }
 @media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e6e3; --paper: #171717; --faint: #a0a09c; --line: #3a3a38; --band: #222221; }
+  :root { --ink: #e6e6e3; --paper: #171717; --faint: #a0a09c; --line: #3a3a38; }
 }
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 64rem; padding: 1rem; color: var(--ink); background: var(--paper);
@@ -36,12 +37,11 @@ caption { text-align: left; color: var(--faint); padding: 0 0 .4rem; }
 th, td { padding: .3rem .6rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
 th { font-weight: 600; }
 th:first-child { text-align: left; position: sticky; left: 0; background: var(--paper); }
-tbody tr:first-child > * { background: var(--band); }
 figure svg { display: block; width: 100%; min-width: 40rem; height: auto; border-radius: .4rem; }
 figcaption { color: var(--faint); font-size: .9rem; max-width: 46rem; padding-top: .4rem; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .9rem; }
+.provenance { font-size: .8rem; line-height: 1.4; margin-bottom: 1.4rem; }
 dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; }
-summary { cursor: pointer; padding: .3rem 0; }
 ";
 
 /// The page, figures inline.
@@ -55,6 +55,11 @@ pub fn html(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     if record.synthetic {
         push(&mut page, format_args!("<p class=\"banner\">{SYNTHETIC}</p>\n"));
     }
+    page.push_str("<dl class=\"provenance\">\n");
+    for (name, value) in provenance(record) {
+        push(&mut page, format_args!("<dt>{}</dt><dd><code>{}</code></dd>\n", escape(&name), escape(&value)));
+    }
+    page.push_str("</dl>\n");
     page.push_str(&tables::headline(record).to_html());
     push(&mut page, format_args!("<p>{}</p>\n", escape(HOW_TO_READ)));
     for figure in figures {
@@ -74,10 +79,6 @@ pub fn html(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     page.push_str("<h2>Notes on the metrics</h2>\n<dl>\n");
     for metric in record.metrics.iter().filter(|m| !m.note.is_empty()) {
         push(&mut page, format_args!("<dt>{}</dt><dd>{}</dd>\n", escape(&metric.name), escape(&metric.note)));
-    }
-    page.push_str("</dl>\n<h2>How this was made</h2>\n<dl>\n");
-    for (name, value) in provenance(record) {
-        push(&mut page, format_args!("<dt>{}</dt><dd><code>{}</code></dd>\n", escape(&name), escape(&value)));
     }
     page.push_str("</dl>\n</body>\n</html>\n");
     page
@@ -138,8 +139,8 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
 fn calibration(record: &BenchmarkRecord) -> Option<String> {
     let found = record.calibration?;
     Some(format!(
-        "Intervals that promise {:.0} % held {:.1} % of {} held-out ratings; {:.1} % lay below and {:.1} % above. Their \
-         mean width is {:.2} MOS.",
+        "Intervals that promise {:.0} % held {:.1} % of {} held-out ratings; {:.1} % lay below and {:.1} % above. \
+         Their mean width is {:.2} MOS.",
         100.0 * found.nominal,
         100.0 * found.covered,
         found.rows,

@@ -172,6 +172,7 @@ fn the_page_needs_no_network_and_escapes_names() {
     }
     assert!(html.contains("mean of the method &amp; &lt;type&gt;"));
     assert!(html.contains("vernis train --study made-up --seed 1") && html.contains(&"00ff".repeat(16)));
+    assert!(html.find("SHA-256 of ratings.csv") < html.find("<table>"), "provenance heads the page");
     assert!(!html.contains("SYNTHETIC"));
 }
 

@@ -59,7 +59,7 @@ impl Grid {
     pub fn directions(&self, index: usize) -> (Vec3, Vec3) {
         let [_, n1, n2] = self.shape();
         let sines = |axis, k| self.angle(axis, k).sin_cos();
-        self.from_sines(sines(0, index / (n1 * n2)), sines(1, index / n2 % n1), sines(2, index % n2))
+        self.directions_of(sines(0, index / (n1 * n2)), sines(1, index / n2 % n1), sines(2, index % n2))
     }
 
     /// [`Grid::directions`] of every cell, with the trigonometry of each axis done once.
@@ -109,7 +109,7 @@ impl Grid {
     }
 
     /// Directions from the (sine, cosine) of the three angles of a cell.
-    fn from_sines(&self, a: (f64, f64), b: (f64, f64), phi: (f64, f64)) -> (Vec3, Vec3) {
+    fn directions_of(&self, a: (f64, f64), b: (f64, f64), phi: (f64, f64)) -> (Vec3, Vec3) {
         match self {
             Self::HalfDifference { .. } => {
                 let ((sin_h, cos_h), (sin_d, cos_d)) = (a, b);
@@ -173,7 +173,7 @@ impl GridDirections {
         let [_, n1, n2] = self.grid.shape();
         let [a, b, phi] = &self.sines;
         let row = index / n2;
-        self.grid.from_sines(a[row / n1], b[row % n1], phi[index % n2])
+        self.grid.directions_of(a[row / n1], b[row % n1], phi[index % n2])
     }
 }
 

@@ -7,7 +7,7 @@
 //! Source: Matusik et al. 2003, doi:10.1145/882262.882343, and the reader published with the data.
 //! Cost: one parallel pass over the mapped file.
 
-use super::{io_error, map, table_error, unfit_grid, write_fresh};
+use super::{map, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};
 use rayon::prelude::*;
 use std::io::Write;
@@ -55,7 +55,7 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
         .with_min_len(1 << 14)
         .map(|cell| {
             let raw: [f64; 3] = std::array::from_fn(|channel| stored(channel, cell));
-            (std::array::from_fn(|c| (raw[c] * SCALE[c]) as f32), raw.iter().all(|v| !(*v < 0.0)))
+            (std::array::from_fn(|c| (raw[c] * SCALE[c]) as f32), raw.iter().all(|v| *v >= 0.0))
         })
         .unzip();
     let strange = |v: &[f32; 3]| v.iter().any(|x| !x.is_finite());
@@ -78,9 +78,6 @@ pub fn write(path: &Path, table: &TabulatedBrdf) -> Result<(), BrdfError> {
     let grid = table.grid();
     if grid != Grid::MERL && grid != Grid::MERL_FULL {
         return Err(unfit_grid(path, "MERL", table, "Grid::MERL or Grid::MERL_FULL"));
-    }
-    if path.is_dir() {
-        return Err(io_error(path)(std::io::ErrorKind::IsADirectory.into()));
     }
     write_fresh(path, |out| {
         for n in grid.shape() {

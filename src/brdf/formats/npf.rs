@@ -5,9 +5,8 @@
 //! One row of 512 little-endian f32 RGB triples a material: [rho_d][rho_s][D 90][G1 90][F 90], the rest unused; 256
 //! rows, the first 100 in use. D: bin floor(90 sqrt(theta_h / 90 deg)); F: bin floor(theta_d in degrees); G1:
 //! interpolated linearly between the centres of bins of one degree. Dimensionless. Reciprocal.
-//! Source: Bagher et al. 2016, eq. 3, doi:10.1145/2907941; the layout is that of the published file. The division by pi is
-//! not spelled out there, but only with it the values agree with the measured materials. Negative products, an
-//! artefact of the factorisation, are clamped at zero.
+//! Source: Bagher et al. 2016, doi:10.1145/2907941; the layout is that of the published file. The division by pi is
+//! not spelled out there, but only with it the values agree with the measured materials.
 //! Cost: four arc tangents or cosines and five table look-ups.
 
 use super::map;
@@ -85,7 +84,7 @@ impl Brdf for Npf {
         let cosines = wi.z * wo.z;
         Some(std::array::from_fn(|c| {
             let lobe = self.specular[c] * d[c] * f[c] * gi[c] * go[c] / cosines;
-            (FRAC_1_PI * (self.diffuse[c] + lobe)).max(0.0)
+            FRAC_1_PI * (self.diffuse[c] + lobe)
         }))
     }
 }
@@ -140,12 +139,12 @@ pub fn decode(path: &Path, material: &str, row: &[u8]) -> Result<Npf, BrdfError>
     let used = 2 + 3 * BINS;
     let numbers: Vec<f64> =
         row.as_chunks::<4>().0.iter().take(3 * used).map(|b| f64::from(f32::from_le_bytes(*b))).collect();
-    if let Some(k) = numbers.iter().position(|v| !v.is_finite()) {
+    if let Some(k) = numbers.iter().position(|v| !v.is_finite() || *v < 0.0) {
         return Err(BrdfError::Value {
             path: path.to_owned(),
             place: format!("{material}, column {}, channel {}", k / 3, k % 3),
             found: numbers[k],
-            allowed: "a finite number",
+            allowed: "a finite number that is not negative",
         });
     }
     Ok(Npf::from_columns(numbers.as_chunks::<3>().0))

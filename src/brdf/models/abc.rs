@@ -7,7 +7,7 @@
 //!
 //! kd: diffuse albedo per channel, dimensionless; A: height of the lobe per channel; B: inverse width; C: fall-off;
 //! eta: refractive index relative to air; all dimensionless. Reciprocal; energy is not conserved by construction.
-//! Source: Loew et al. 2012, eqs. 10 and 16 ("microfacet" form), doi:10.1145/2077341.2077350. Cost: one power.
+//! Source: Loew et al. 2012, the microfacet form, doi:10.1145/2077341.2077350. Cost: one power.
 
 use super::{AnalyticBrdf, HalfVector, ModelError, Parameter, checked, colour, scalar};
 use crate::math::{Rgb, Vec3};

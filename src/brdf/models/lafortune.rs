@@ -4,7 +4,7 @@
 //!
 //! kd, ks: diffuse and specular albedo per channel, dimensionless; cxy (negative for a mirror-like lobe), cz: weights
 //! of the tangential and normal parts; n: sharpness; all dimensionless. Reciprocal.
-//! Source: Lafortune et al. 1997, eq. 3, doi:10.1145/258734.258801, in the normalisation of Ngan et al. 2005,
+//! Source: Lafortune et al. 1997, doi:10.1145/258734.258801, in the normalisation of Ngan et al. 2005,
 //! doi:10.2312/EGWR/EGSR05/117-126. The weights are divided by the larger one before the power is taken:
 //! (1/sqrt 3)^n underflows for the published n of several thousand. Cost: one power.
 

@@ -27,8 +27,8 @@ impl NamedParameters {
     /// All fields of `model` unset.
     pub fn new(model: &str) -> Result<Self, ModelError> {
         let schema = schema(model)?;
-        let model = MODELS.into_iter().find(|m| *m == model);
-        let model = model.ok_or_else(|| ModelError::UnknownModel { found: String::new() })?;
+        let unknown = || ModelError::UnknownModel { found: model.to_owned() };
+        let model = MODELS.into_iter().find(|m| *m == model).ok_or_else(unknown)?;
         Ok(Self { model, values: vec![None; schema.len()], schema })
     }
 

@@ -8,9 +8,9 @@
 //! kd, ks: diffuse and specular albedo; f0, f1: Fresnel coefficients; alpha, p, kappa: width, fall-off and
 //! normalisation of the distribution (kappa is the paper's K_ap); lambda, c, k, theta0 (rad): masking. All but theta0
 //! are dimensionless. Reciprocal.
-//! Source: Bagher et al. 2012, eqs. 6 to 14, doi:10.1111/j.1467-8659.2012.03147.x.
-//! Difference: a published Fresnel fit may dip below zero; the value is clamped at zero, since no reflectance is
-//! negative. Cost: at most six exponentials, powers or logarithms a channel, skipped where they round to nothing.
+//! Source: Bagher et al. 2012, doi:10.1111/j.1467-8659.2012.03147.x.
+//! Difference: three published Fresnel fits (blue-fabric, white-fabric2, white-paint) dip below zero; the lobe is clamped
+//! at zero, since no reflectance is negative. Cost: at most six exponentials, powers or logarithms a channel, skipped where they round to nothing.
 
 use super::{AnalyticBrdf, HalfVector, ModelError, Parameter, checked, colour};
 use crate::math::{Rgb, Vec3};

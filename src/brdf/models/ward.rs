@@ -5,7 +5,7 @@
 //! N = sqrt(cos theta_i cos theta_o) (Ward) or cos theta_i cos theta_o (Duer);
 //! kd, ks: diffuse and specular albedo per channel, dimensionless; alpha: standard deviation of the slope,
 //! dimensionless. Both forms are reciprocal; neither bounds the albedo at grazing angles.
-//! Source: Ward 1992, eq. 5, doi:10.1145/133994.134078; Duer 2006, doi:10.1080/2151237X.2006.10129215.
+//! Source: Ward 1992 (isotropic form), doi:10.1145/133994.134078; Duer 2006, doi:10.1080/2151237X.2006.10129215.
 //! Cost: one exponential.
 
 use super::{AnalyticBrdf, HalfVector, ModelError, Parameter, checked, colour, diffuse_plus, scalar};

@@ -81,7 +81,7 @@ struct Golden {
     spread: BTreeMap<String, f64>,
 }
 
-/// Compact 48 of 14 pairs by the prototype that the definitions come from (a copy of its `descriptors_golden.json`).
+/// Compact 48 of 14 pairs by an independent implementation, published with the definitions (`descriptors_golden.json`).
 fn golden() -> Golden {
     let file: serde_json::Value = serde_json::from_str(include_str!("descriptors_golden.json")).unwrap();
     let map = |v: &serde_json::Value| -> BTreeMap<String, f64> {
@@ -107,7 +107,7 @@ fn golden_labels_of_the_angular_family_are_permuted() {
     }
 }
 
-/// The prototype interpolated its table from a finer one and worked in f32, so agreement is within a few per cent of the
+/// The other implementation interpolates its table from a finer one and works in f32, so agreement is within a few per cent of the
 /// spread of each descriptor over the study: 1 % in the median, 5 % for nine of ten values, at most 25 %.
 #[test]
 fn golden_pairs() {

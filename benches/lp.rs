@@ -54,7 +54,7 @@ fn main() {
         });
     });
     println!("36 naive passes, 1 thread   {:8.1} ms", naive.as_secs_f64() * 1e3);
-    let study = Registry::standard().resolve("all-lp").expect("a group");
+    let study = Registry::standard().unwrap().resolve("all-lp").expect("a group");
     for threads in [1, 2] {
         let fused = in_pool(threads, &|| {
             black_box(distances(&study, &reference, &candidate).expect("distances"));

@@ -16,7 +16,7 @@ pub struct MetricsArgs {
 }
 
 pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
-    let registry = Registry::standard();
+    let registry = Registry::standard()?;
     if args.json {
         let all: Vec<_> = registry
             .iter()

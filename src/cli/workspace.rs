@@ -20,7 +20,7 @@ pub fn open(notation: &str, data: Option<&Path>) -> Result<OpenBrdf> {
 
 /// The metrics called `names`; a name that ends in `.json` is the path of an exported metric. No name means the shipped one.
 pub fn metrics(names: &[String]) -> Result<Vec<Arc<dyn Metric>>> {
-    let registry = Registry::standard();
+    let registry = Registry::standard()?;
     let default = [DEFAULT_METRIC.to_owned()];
     let names = if names.is_empty() { &default[..] } else { names };
     let mut found: Vec<Arc<dyn Metric>> = Vec::new();

@@ -227,8 +227,7 @@ fn did_not_help(ablation: &[AblationRecord]) -> Vec<String> {
         .collect()
 }
 
-/// SHA-256 of the study's files, by file name.
+/// SHA-256 of the study's files, by name.
 pub fn data_hashes(study: &Study) -> BTreeMap<String, String> {
-    let name = |path: &std::path::Path| path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    study.files.iter().map(|f| (name(&f.path), f.content.to_string())).collect()
+    study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).collect()
 }

@@ -34,6 +34,8 @@ pub enum MetricError {
     NoCommonCell { metric: String },
     #[error("there is no metric `{name}`; {}", nearest_sentence(.nearest))]
     Unknown { name: String, nearest: Vec<String> },
+    #[error("the metric that comes with this build cannot be read: {reason}")]
+    Shipped { reason: String },
     #[error("the name `{name}` is taken by another metric or group")]
     NameTaken { name: String },
 }

@@ -3,7 +3,7 @@
 //! A new metric becomes known everywhere (command line, benchmark, contract tests) by one [`Registry::add`] in
 //! [`Registry::standard`].
 
-use super::learned::Score;
+use super::learned::{LearnedMetric, Score};
 use super::lp::{LpDistances, LpMetric, LpVariant};
 use super::{Metric, MetricError};
 use crate::brdf::Brdf;
@@ -28,9 +28,17 @@ const GROUPS: [Group; 1] = [Group {
 
 impl Registry {
     /// Every metric of this library.
-    pub fn standard() -> Self {
-        let metrics = LpVariant::every().map(|variant| Arc::new(LpMetric::new(variant)) as Arc<dyn Metric>);
-        Self { metrics: metrics.collect() }
+    ///
+    /// # Errors
+    /// [`MetricError::Shipped`] if the metric that comes with this build cannot be read.
+    pub fn standard() -> Result<Self, MetricError> {
+        let mut registry = Self::default();
+        let shipped = LearnedMetric::shipped().map_err(|e| MetricError::Shipped { reason: e.to_string() })?;
+        registry.add(Arc::new(shipped))?;
+        for variant in LpVariant::every() {
+            registry.add(Arc::new(LpMetric::new(variant)))?;
+        }
+        Ok(registry)
     }
 
     /// Adds a metric.

@@ -278,7 +278,7 @@ fn contract_of_every_registered_metric() {
     let black = tabulated(&Model::Lambert { kd: [0.0; 3] });
     let mirror = tabulated(&Model::Ggx { kd: [0.0; 3], f0: 0.9, alpha: 0.001 });
     assert!(mirror.values()[0][0] > 1e4);
-    for metric in Registry::standard().iter() {
+    for metric in Registry::standard().unwrap().iter() {
         let properties = metric.properties();
         assert!(!properties.unit.is_empty() && !properties.summary.is_empty() && !properties.source.is_empty());
         for (a, b) in [(holed, other), (&black, &mirror)] {
@@ -294,7 +294,7 @@ fn contract_of_every_registered_metric() {
 
 #[test]
 fn many_metrics_at_once_give_the_values_of_each() {
-    let registry = Registry::standard();
+    let registry = Registry::standard().unwrap();
     let (reference, candidate) = holed_tables();
     let mut metrics = registry.resolve("all-lp").unwrap();
     assert_eq!(metrics.len(), 36);
@@ -346,7 +346,7 @@ fn red(brdf: &dyn Brdf) -> f64 {
 
 #[test]
 fn names_are_unique_and_unknown_ones_get_suggestions() {
-    let mut registry = Registry::standard();
+    let mut registry = Registry::standard().unwrap();
     let names: Vec<_> = registry.names().map(str::to_owned).collect();
     let mut unique = names.clone();
     unique.sort();

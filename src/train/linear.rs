@@ -7,15 +7,16 @@
 //!
 //! Context features cancel in z - z0, so only differences have weights. r = 0 is ridge regression. The row weights v
 //! (mean 1) enter by scaling rows by sqrt(v); the penalty minimises the weighted squared error over inner folds.
-//! Source: Zou & Hastie (2005), doi:10.1111/j.1467-9868.2005.00503.x, solved by `linfa-elasticnet`'s coordinate descent.
-//! Cost: milliseconds.
+//! Source: Zou & Hastie (2005), doi:10.1111/j.1467-9868.2005.00503.x, solved by `linfa-elasticnet`'s coordinate descent,
+//! and r = 0 directly. Cost: milliseconds for ridge, about a second for the elastic net.
 
+use super::cholesky::solve;
 use super::standardize::Standardized;
 use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::dataset::split::TrainingSet;
 use crate::metric::learned::{Function, Regressor, Term};
+use linfa::Dataset;
 use linfa::traits::Fit;
-use linfa::{Dataset, DatasetBase};
 use linfa_elasticnet::ElasticNet as Solver;
 use ndarray::{Array1, Array2, Axis};
 
@@ -94,15 +95,22 @@ impl Trainer for ElasticNet {
 
 impl ElasticNet {
     fn solve(&self, x: Array2<f64>, y: Array1<f64>, penalty: f64) -> Result<Array1<f64>, TrainError> {
-        let dataset: DatasetBase<_, _> = Dataset::new(x, y);
+        let trainer = || self.name().to_owned();
+        if self.l1_ratio == 0.0 {
+            // Coordinate descent stops by a duality gap that the absolute penalty defines: without it, never.
+            let (n, size) = (y.len() as f64, x.ncols());
+            let right = x.t().dot(&y).to_vec();
+            return solve(x.t().dot(&x).view(), n * penalty, &right)
+                .map(Array1::from_vec)
+                .ok_or_else(|| TrainError::Singular { trainer: trainer(), what: "ridge regression", size });
+        }
         Solver::params()
             .penalty(penalty)
             .l1_ratio(self.l1_ratio)
             .with_intercept(false)
-            .tolerance(1e-6)
-            .max_iterations(10_000)
-            .fit(&dataset)
+            .max_iterations(2_000)
+            .fit(&Dataset::new(x, y))
             .map(|model| model.hyperplane().clone())
-            .map_err(|e| TrainError::Solver { trainer: self.name().to_owned(), reason: e.to_string() })
+            .map_err(|e| TrainError::Solver { trainer: trainer(), reason: e.to_string() })
     }
 }

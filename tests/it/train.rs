@@ -49,7 +49,7 @@ fn study(shuffled: bool) -> Samples {
 }
 
 fn quick_network() -> NeuralNetwork {
-    NeuralNetwork { epochs: 60, members: 2, ..NeuralNetwork::default() }
+    NeuralNetwork { epochs: 60, members: 2, choose_epochs: true, ..NeuralNetwork::default() }
 }
 
 fn exact_trainers() -> Vec<Box<dyn Trainer>> {

@@ -39,7 +39,7 @@ pub enum ExportedError {
     #[error("{file}: format {found} is newer than this program, which reads up to {supported}; update vernis")]
     NewerFormat { file: String, found: u32, supported: u32 },
     #[error("{file}: unknown descriptors: {source}")]
-    UnknownFamily { file: String, source: DescriptorError },
+    UnknownFamily { file: String, source: Box<DescriptorError> },
     #[error("{file}: descriptors of setup {found}; this program computes {known}")]
     UnknownSetup { file: String, found: String, known: String },
     #[error("{file}: input {index} is {found}, but the descriptors have {expected} there")]
@@ -219,7 +219,8 @@ impl ExportedMetric {
         }
         let names = json::<Contents>(text, file)?.descriptors;
         for family in &names.set.families {
-            Family::named(family).map_err(|source| ExportedError::UnknownFamily { file: file.to_owned(), source })?;
+            Family::named(family)
+                .map_err(|e| ExportedError::UnknownFamily { file: file.to_owned(), source: Box::new(e) })?;
         }
         if names.setup != setup.id() {
             return Err(ExportedError::UnknownSetup {

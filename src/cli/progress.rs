@@ -46,6 +46,7 @@ impl Bar {
     #[cfg(feature = "train")]
     pub fn label(&self, label: &str) {
         self.bar.set_message(label.to_owned());
+        if std::env::var_os("VERNIS_TRACE").is_some() { eprintln!("{:?} {label}", std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map(|d| d.as_secs() % 10000)); }
         self.bar.tick();
     }
 

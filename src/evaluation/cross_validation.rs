@@ -1,9 +1,9 @@
 //! Predictions for rows that a metric has not seen.
 //!
-//! Each fold trains on its training side and predicts its held-out side; every row is held out exactly once. The
-//! 4-parameter logistic from score to MOS is fitted, like everything else, on the training side: for a trained
-//! metric on its predictions for its own training rows, for a classical metric on their distances. A score that is
-//! constant over the training rows says nothing, and the mean of their ratings is its best map.
+//! Each fold trains on its training side and predicts its held-out side; every row is held out exactly once. What is
+//! trained predicts a MOS itself, the map having been learned with the rest. For a classical metric the 4-parameter
+//! logistic from distance to MOS is fitted on the distances of the training side. A distance that is constant over the
+//! training rows says nothing, and the mean of their ratings is its best map.
 //! Folds run in parallel; each has its own seed, so that neither their order nor the number of threads matters.
 
 use super::EvaluationError;
@@ -56,7 +56,7 @@ pub fn cross_validate(
 ) -> Result<OutOfFold, EvaluationError> {
     run_folds(trainer.name(), samples, folds, |index, fold| {
         let predictor = trainer.train(&fold.training, fold_seed(seed, index))?;
-        Ok((predictor.predict(fold.training.features()), predictor.predict(fold.held_out.features())))
+        Ok((None, predictor.predict(fold.held_out.features())))
     })
 }
 
@@ -67,7 +67,7 @@ pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) ->
     let negated = |distances: ArrayView1<'_, f64>| distances.iter().map(|d| -d).collect::<Vec<f64>>();
     run_folds(name, samples, folds, |_, fold| {
         let (training, held_out) = (fold.training.features(), fold.held_out.features());
-        Ok((negated(training.column(column)), negated(held_out.column(column))))
+        Ok((Some(negated(training.column(column))), negated(held_out.column(column))))
     })
 }
 
@@ -75,7 +75,7 @@ pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) ->
 pub fn cross_validate_mean(samples: &Samples, folds: &[Fold], of: MeanOf) -> Result<OutOfFold, EvaluationError> {
     run_folds(of.name(), samples, folds, |_, fold| {
         let means = of.fit(&fold.training)?;
-        Ok((means.predict(fold.training.rows()), means.predict(fold.held_out.rows())))
+        Ok((None, means.predict(fold.held_out.rows())))
     })
 }
 
@@ -111,18 +111,22 @@ fn training_error(metric: &str, fold: usize, of: &Fold, source: TrainError) -> E
     EvaluationError::Training { metric: metric.to_owned(), fold, training_rows: of.training.rows().len(), source }
 }
 
-/// Scores of the training and of the held-out rows by `predict`, mapped to MOS by the former.
+/// Scores of the held-out rows by `predict`: as they are, or mapped to MOS by those of the training rows that come with
+/// them.
 fn run_folds(
     name: &str,
     samples: &Samples,
     folds: &[Fold],
-    predict: impl Fn(usize, &Fold) -> Result<(Vec<f64>, Vec<f64>), TrainError> + Sync,
+    predict: impl Fn(usize, &Fold) -> Result<(Option<Vec<f64>>, Vec<f64>), TrainError> + Sync,
 ) -> Result<OutOfFold, EvaluationError> {
     check_coverage(samples, folds)?;
     let run = |(index, fold): (usize, &Fold)| {
         let (training, score) =
             predict(index, fold).map_err(|source| training_error(name, index, fold, source))?;
-        map_fold(name, index, &training, &fold.training.mos(), score)
+        match training {
+            Some(training) => map_fold(name, index, &training, &fold.training.mos(), score),
+            None => Ok(FoldPredictions { mos: score.iter().map(|s| s.clamp(1.0, 5.0)).collect(), score }),
+        }
     };
     let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
     assemble(name, samples, folds, predicted)

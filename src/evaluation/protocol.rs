@@ -85,12 +85,8 @@ impl Bench {
     /// `samples` names the rows; contenders may see other columns of the same rows.
     pub fn new(protocol: Protocol, samples: &Samples) -> Result<Self, EvaluationError> {
         let aside = protocol.set_aside.clone();
-        let jury = Jury::new(
-            samples.rows(),
-            |row| aside.contains(&row.method_family),
-            protocol.resamples,
-            protocol.seed,
-        )?;
+        let jury =
+            Jury::new(samples.rows(), |row| aside.contains(&row.method_family), protocol.resamples, protocol.seed)?;
         Ok(Self { protocol, samples: samples.clone(), jury, judged: Vec::new(), predictions: Vec::new() })
     }
 
@@ -114,11 +110,7 @@ impl Bench {
         if !matches!(contender.source, Source::Means(_)) {
             if families(samples) > 1 {
                 let found = run(&method_and_group_folds(samples, folds, seed)?)?;
-                judged.extend(self.jury.judge(
-                    &contender.name,
-                    Split::UnseenMaterialAndMethod,
-                    &found.predictions,
-                )?);
+                judged.extend(self.jury.judge(&contender.name, Split::UnseenMaterialAndMethod, &found.predictions)?);
             }
             if types(samples) > 1 {
                 let found = run(&material_type_folds(samples)?)?;

@@ -274,7 +274,7 @@ fn export(job: &Job, name: &str, seed: u64) -> Result<ExportedMetric> {
     Ok(ExportedMetric::new(
         name,
         recipe::METRIC_VERSION,
-        Descriptors { setup: job.setup.id().to_owned(), set: DescriptorSet::compact() },
+        Descriptors { setup: job.setup.id().to_owned(), set: DescriptorSet::extended() },
         portable(model.as_ref())?,
         members,
         job.bench.interval,

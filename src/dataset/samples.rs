@@ -64,6 +64,7 @@ pub struct Samples {
     columns: Vec<Column>,
     rows: Vec<Row>,
     features: Array2<f64>,
+    swapped: Option<Array2<f64>>,
 }
 
 impl Samples {
@@ -98,7 +99,40 @@ impl Samples {
                 });
             }
         }
-        Ok(Self { columns, rows, features })
+        Ok(Self { columns, rows, features, swapped: None })
+    }
+
+    /// The same pairs with reference and candidate exchanged, rows x columns: people who rate how alike two materials look
+    /// would say the same, so that a trainer may learn from them as well.
+    pub fn with_swapped(mut self, swapped: Array2<f64>) -> Result<Self, SamplesError> {
+        let shape = |what, found, expected| {
+            if found == expected { Ok(()) } else { Err(SamplesError::Shape { what, found, expected }) }
+        };
+        shape("rows of the swapped features", swapped.nrows(), self.rows.len())?;
+        shape("columns of the swapped features", swapped.ncols(), self.columns.len())?;
+        // The checks of the constructor hold for these numbers as well.
+        Self::new(self.columns.clone(), self.rows.clone(), swapped.clone())?;
+        self.swapped = Some(swapped);
+        Ok(self)
+    }
+
+    /// What [`Samples::with_swapped`] was given.
+    pub fn swapped(&self) -> Option<ArrayView2<'_, f64>> {
+        self.swapped.as_ref().map(|s| s.view())
+    }
+
+    /// The rows, and after them the same pairs exchanged, at `weight` times their weight; without exchanged pairs the rows
+    /// alone.
+    pub(super) fn doubled(&self, weight: f64) -> Self {
+        let Some(swapped) = &self.swapped else { return self.clone() };
+        let added = self.rows.iter().map(|r| Row { weight: weight * r.weight, ..r.clone() });
+        let rows: Vec<Row> = self.rows.iter().cloned().chain(added).collect();
+        let width = self.columns.len();
+        let features = Array2::from_shape_fn((rows.len(), width), |(i, j)| match i.checked_sub(self.rows.len()) {
+            None => self.features[(i, j)],
+            Some(i) => swapped[(i, j)],
+        });
+        Self { columns: self.columns.clone(), rows, features, swapped: None }
     }
 
     pub fn len(&self) -> usize {
@@ -132,6 +166,7 @@ impl Samples {
             columns: self.columns.clone(),
             rows: indices.iter().map(|&i| self.rows[i].clone()).collect(),
             features: self.features.select(Axis(0), indices),
+            swapped: self.swapped.as_ref().map(|s| s.select(Axis(0), indices)),
         }
     }
 
@@ -142,6 +177,7 @@ impl Samples {
             columns: indices.iter().map(|&i| self.columns[i].clone()).collect(),
             rows: self.rows.clone(),
             features: self.features.select(Axis(1), &indices),
+            swapped: self.swapped.as_ref().map(|s| s.select(Axis(1), &indices)),
         }
     }
 }

@@ -75,6 +75,12 @@ impl TrainingSet {
         grouped_folds(&self.samples, k.min(groups).max(2), seed)
     }
 
+    /// The rows, and after them the same pairs with reference and candidate exchanged, at `weight` times their weight. They
+    /// stay in their groups, so that inner folds do not tear them from their originals.
+    pub fn with_swapped(&self, weight: f64) -> Self {
+        Self { samples: self.samples.doubled(weight) }
+    }
+
     /// The rows that `keep` accepts.
     pub fn filter(&self, keep: impl Fn(&Row) -> bool) -> Self {
         let indices: Vec<usize> = (0..self.samples.len()).filter(|&i| keep(&self.samples.rows()[i])).collect();

@@ -1,6 +1,7 @@
 //! Compact 48: 18 descriptors of pictures under lamps, 6 under the slot, 14 angular, 10 of context.
 
 use super::angular::{self, RegionRatios};
+use super::display::Displayed;
 use super::features::BrdfFeatures;
 use super::picture::PictureDifference;
 use super::{Setup, context};
@@ -31,6 +32,8 @@ pub const LIGHTS: [&str; 18] = [
 ];
 /// Names of the descriptors of pictures under the slot.
 pub const SLOT: [&str; 6] = ["dE4", "dC", "sL", "rms0", "q48-59", "contrast0"];
+/// Names of the further descriptors of pictures under the slot.
+pub const SLOT_DETAIL: [&str; 8] = ["dE", "adL", "sStd", "corr", "q0-15", "q16-47", "q60-63", "w1"];
 /// Regions whose mean log luminance ratio is used.
 pub const SIGNED_REGIONS: [&str; 10] = ["1n", "3n", "5n", "7n", "2m", "6m", "2h", "5h", "3g", "7g"];
 /// Regions whose mean absolute log luminance ratio is used.
@@ -80,6 +83,34 @@ pub(super) fn pictures(reference: &BrdfFeatures, candidate: &BrdfFeatures, setup
             slot.contrast,
         ],
     )
+}
+
+/// What the pictures under the slot say beyond the six descriptors of compact 48.
+pub(super) fn slot_detail(reference: &BrdfFeatures, candidate: &BrdfFeatures, setup: &Setup) -> [f64; 8] {
+    let slot = setup.lights() - 1;
+    let d = PictureDifference::new(setup.frame(), &reference.pictures[slot], &candidate.pictures[slot]);
+    [
+        d.mean,
+        d.absolute_lightness,
+        d.deviation,
+        d.decorrelation,
+        d.quantiles[0],
+        d.quantiles[1],
+        d.quantiles[3],
+        d.quantile_distance,
+    ]
+}
+
+/// The pictures as a screen shows them: under the lamps, averaged over their layouts, then under the slot.
+pub(super) fn display(reference: &BrdfFeatures, candidate: &BrdfFeatures, setup: &Setup) -> [f64; 12] {
+    let layouts = setup.lights() - 1;
+    let mut out = [0.0; 12];
+    for l in 0..setup.lights() {
+        let d = Displayed::difference(setup.frame(), &reference.displayed[l], &candidate.displayed[l]);
+        let (to, share) = if l < layouts { (&mut out[..6], 1.0 / layouts as f64) } else { (&mut out[6..], 1.0) };
+        to.iter_mut().zip(d).for_each(|(sum, v)| *sum += share * v);
+    }
+    out
 }
 
 /// The 14 angular descriptors.

@@ -23,6 +23,8 @@ pub struct Progress {
 pub struct Extraction {
     /// Pairs x descriptors, in the order of the pairs and of [`DescriptorSet::columns`].
     pub values: Array2<f64>,
+    /// The same with reference and candidate exchanged.
+    pub swapped: Array2<f64>,
     /// What could not be kept for the next run.
     pub warnings: Vec<CacheWarning>,
 }
@@ -67,15 +69,18 @@ impl Extractor<'_> {
             .collect();
         let (features, warnings): (Vec<_>, Vec<_>) =
             computed.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let rows: Vec<f64> = numbered
-            .par_iter()
-            .flat_map_iter(|&(r, c)| self.set.compare(&features[r], &features[c], self.setup))
-            .collect();
-        let columns = self.set.columns().len();
-        let found = rows.len();
-        let values = Array2::from_shape_vec((pairs.len(), columns), rows)
-            .map_err(|_| DescriptorError::Columns { found, expected: pairs.len() * columns })?;
-        Ok(Extraction { values, warnings: warnings.into_iter().flatten().collect() })
+        let matrix = |pairs: Vec<(usize, usize)>| {
+            let rows: Vec<f64> = pairs
+                .par_iter()
+                .flat_map_iter(|&(r, c)| self.set.compare(&features[r], &features[c], self.setup))
+                .collect();
+            let (found, columns) = (rows.len(), self.set.columns().len());
+            Array2::from_shape_vec((pairs.len(), columns), rows)
+                .map_err(|_| DescriptorError::Columns { found, expected: pairs.len() * columns })
+        };
+        let swapped = matrix(numbered.iter().map(|&(r, c)| (c, r)).collect())?;
+        let values = matrix(numbered)?;
+        Ok(Extraction { values, swapped, warnings: warnings.into_iter().flatten().collect() })
     }
 
     fn features(&self, source: &BrdfSource) -> Result<(BrdfFeatures, Option<CacheWarning>), DescriptorError> {

@@ -2,6 +2,7 @@
 
 use super::angular::AngularProfile;
 use super::context::{Context, context};
+use super::display::Displayed;
 use super::node_table::NodeTable;
 use super::picture::Picture;
 use super::wasserstein::ValueQuantiles;
@@ -25,6 +26,7 @@ pub(super) struct Stored {
 pub struct BrdfFeatures {
     pub(super) stored: Stored,
     pub(super) pictures: Vec<Picture>,
+    pub(super) displayed: Vec<Displayed>,
     pub(super) angular: AngularProfile,
     pub(super) context: Context,
     pub(super) quantiles: ValueQuantiles,
@@ -44,15 +46,18 @@ impl BrdfFeatures {
 
     /// Derives from the stored part what comparisons use.
     pub(super) fn from_stored(stored: Stored, setup: &Setup) -> Self {
-        let picture = |radiance: &Vec<[f32; 3]>| {
-            let radiance: Vec<Rgb> = radiance.iter().map(|c| c.map(f64::from)).collect();
-            Picture::new(setup.frame(), &radiance)
-        };
-        let pictures = stored.pictures.iter().map(picture).collect();
+        let (pictures, displayed) = stored
+            .pictures
+            .iter()
+            .map(|picture| {
+                let radiance: Vec<Rgb> = picture.iter().map(|c| c.map(f64::from)).collect();
+                (Picture::new(setup.frame(), &radiance), Displayed::new(setup.frame(), &radiance))
+            })
+            .unzip();
         let angular = AngularProfile::new(&stored.table);
         let context = context(&stored.table, &angular, stored.albedo);
         let quantiles = ValueQuantiles::new(&stored.table);
-        Self { stored, pictures, angular, context, quantiles }
+        Self { stored, pictures, displayed, angular, context, quantiles }
     }
 
     /// The samples of the BRDF.

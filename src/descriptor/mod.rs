@@ -7,6 +7,7 @@ pub mod angular;
 mod cache;
 pub mod compact;
 pub mod context;
+mod display;
 pub mod embedding;
 mod extract;
 mod features;

@@ -106,6 +106,11 @@ impl Frame {
         Self { weights: shape.weights().to_vec(), levels }
     }
 
+    /// Share of the shape that each pixel shows.
+    pub(super) fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
     /// Means over the covered part of each 2 x 2 block of a picture on level `scale - 1`.
     fn reduce(&self, scale: usize, image: &[f64]) -> Vec<f64> {
         let finer = &self.levels[scale - 1];
@@ -219,6 +224,8 @@ pub struct PictureDifference {
     pub centred_rms: f64,
     /// Mean difference of the quantiles of each of [`QUANTILE_GROUPS`].
     pub quantiles: [f64; 4],
+    /// Mean absolute difference of all 64 quantiles.
+    pub quantile_distance: f64,
     /// 1 - mean((cov + 9) / (sA sB + 9)) over windows.
     pub structure: f64,
     /// 1 - mean((2 sA sB + 9) / (sA^2 + sB^2 + 9)) over windows.
@@ -256,6 +263,7 @@ impl PictureDifference {
             centred_rms: (a.variance + b.variance - 2.0 * covariance).max(0.0).sqrt(),
             quantiles: QUANTILE_GROUPS
                 .map(|(first, last)| mean((first..last + 1).map(|q| b.quantiles[q] - a.quantiles[q]))),
+            quantile_distance: mean(a.quantiles.iter().zip(&b.quantiles).map(|(a, b)| (b - a).abs())),
             structure,
             contrast,
             local_deviation,

@@ -1,16 +1,17 @@
 //! Which descriptors a metric uses: named families, in order.
 
 use super::angular::{self, REGIONS, region_limits, region_name};
-use super::compact::{self, ABSOLUTE_REGIONS, LIGHTS, SIGNED_REGIONS, SLOT};
+use super::compact::{self, ABSOLUTE_REGIONS, LIGHTS, SIGNED_REGIONS, SLOT, SLOT_DETAIL};
 use super::embedding::Embedding;
 use super::features::BrdfFeatures;
-use super::{DescriptorError, Setup, context, wasserstein};
+use super::{DescriptorError, Setup, context, display, wasserstein};
 use crate::dataset::samples::{Column, Role};
 use serde::{Deserialize, Serialize};
 
 const OPPONENT: &str = "20 ln units of the opponent log space";
 const LOG: &str = "ln";
 const ONE: &str = "1";
+const PERCENT: &str = "% of the screen's range, after the power law";
 const SSIM: &str = "Wang et al. 2004, doi:10.1109/TIP.2003.819861";
 const RENDERING: &str = "Kajiya 1986, doi:10.1145/15886.15902, applied as a linear operator";
 const HALF_DIFFERENCE: &str = "Rusinkiewicz 1998, doi:10.1007/978-3-7091-6453-2_2";
@@ -38,6 +39,12 @@ pub enum Family {
     Angular,
     /// The reference alone, 10.
     Context,
+    /// Further descriptors of the picture under the slot, 8.
+    SlotDetail,
+    /// Pictures as a screen shows them, 12.
+    Display,
+    /// How the numbers of the context change from reference to candidate, 10.
+    Change,
     /// Log ratios of luminance and chroma over all 32 angular regions, 128.
     AngularFull,
     /// Distances of value distributions, 4.
@@ -46,8 +53,28 @@ pub enum Family {
 
 impl Family {
     /// All families, those of compact 48 first.
-    pub const ALL: [Self; 6] =
-        [Self::Lights, Self::Slot, Self::Angular, Self::Context, Self::AngularFull, Self::Wasserstein];
+    pub const ALL: [Self; 9] = [
+        Self::Lights,
+        Self::Slot,
+        Self::Angular,
+        Self::Context,
+        Self::SlotDetail,
+        Self::Display,
+        Self::Change,
+        Self::AngularFull,
+        Self::Wasserstein,
+    ];
+
+    /// Those of the extended set, in order.
+    pub const EXTENDED: [Self; 7] = [
+        Self::Lights,
+        Self::Slot,
+        Self::Angular,
+        Self::Context,
+        Self::SlotDetail,
+        Self::Display,
+        Self::Change,
+    ];
 
     /// The name that columns and ablations use.
     pub fn name(self) -> &'static str {
@@ -56,6 +83,9 @@ impl Family {
             Self::Slot => "slot",
             Self::Angular => "angular",
             Self::Context => "context",
+            Self::SlotDetail => "slot-detail",
+            Self::Display => "display",
+            Self::Change => "change",
             Self::AngularFull => "angular-full",
             Self::Wasserstein => "wasserstein",
         }
@@ -107,6 +137,19 @@ impl Family {
                 .iter()
                 .map(|n| describe((*n).to_owned(), LOG, context_meaning(n), HALF_DIFFERENCE))
                 .collect(),
+            Self::SlotDetail => SLOT_DETAIL.iter().map(|n| picture("under a broad overhead light", n)).collect(),
+            Self::Display => [("lamps", "mean over three layouts of lamps"), ("slot", "under a broad overhead light")]
+                .into_iter()
+                .flat_map(|(light, under)| display::NAMES.map(|n| (light, under, n)))
+                .map(|(light, under, n)| {
+                    let (unit, meaning) = display_meaning(n);
+                    describe(format!("{light}.{n}"), unit, format!("{meaning}, {under}"), RENDERING)
+                })
+                .collect(),
+            Self::Change => context::NAMES
+                .iter()
+                .map(|n| describe((*n).to_owned(), LOG, format!("change of: {}", context_meaning(n)), HALF_DIFFERENCE))
+                .collect(),
             Self::AngularFull => {
                 (0..REGIONS).flat_map(|r| ["sY", "aY", "sR", "sB"].map(|kind| ratio(kind, r))).collect()
             }
@@ -135,12 +178,24 @@ fn picture_meaning(name: &str) -> (&'static str, &'static str, &'static str) {
         "q0-15" => (OPPONENT, "shift of the darkest quarter's lightness", RENDERING),
         "q16-47" => (OPPONENT, "shift of the middle half's lightness", RENDERING),
         "q48-59" => (OPPONENT, "shift of the lightness between the 75th and 94th percentile", RENDERING),
+        "w1" => (OPPONENT, "mean absolute shift of the quantiles of lightness", RENDERING),
         "q60-63" => (OPPONENT, "shift of the brightest sixteenth's lightness", RENDERING),
         "struct0" => (ONE, "1 - local structure agreement", SSIM),
         "contrast0" => (ONE, "1 - local contrast agreement", SSIM),
         "localstd0" => (LOG, "log ratio of the mean local deviations", SSIM),
         "localstd2" => (LOG, "log ratio of the mean local deviations at a quarter of the resolution", SSIM),
         _ => (OPPONENT, "mean absolute difference of local means at an eighth of the resolution", SSIM),
+    }
+}
+
+fn display_meaning(name: &str) -> (&'static str, &'static str) {
+    match name {
+        "lin" => (LOG, "log ratio of the mean luminance"),
+        "max" => (LOG, "log ratio of the luminance of the brightest hundredth"),
+        "rms" => (PERCENT, "root mean square difference on a screen"),
+        "mean" => (PERCENT, "mean difference on a screen"),
+        "corr" => (ONE, "1 - correlation of the lightness on a screen"),
+        _ => (LOG, "log ratio of the deviations of the lightness on a screen"),
     }
 }
 
@@ -171,6 +226,11 @@ impl DescriptorSet {
     /// Compact 48.
     pub fn compact() -> Self {
         Self::new(vec![Family::Lights, Family::Slot, Family::Angular, Family::Context])
+    }
+
+    /// Compact 48, the slot in detail, the display and the change of context: 78.
+    pub fn extended() -> Self {
+        Self::new(Family::EXTENDED.to_vec())
     }
 
     /// Every family that needs no learned data.
@@ -232,6 +292,9 @@ impl DescriptorSet {
                 Family::Slot => out.extend(pictures.iter().flat_map(|p| p.1)),
                 Family::Angular => out.extend(ratios.iter().flat_map(compact::angular)),
                 Family::Context => out.extend(reference.context()),
+                Family::SlotDetail => out.extend(compact::slot_detail(reference, candidate, setup)),
+                Family::Display => out.extend(compact::display(reference, candidate, setup)),
+                Family::Change => out.extend(candidate.context().iter().zip(reference.context()).map(|(c, r)| c - r)),
                 Family::AngularFull => {
                     let all =
                         |r: &angular::RegionRatios| [r.luminance, r.absolute_luminance, r.red_green, r.blue_green];
@@ -260,7 +323,8 @@ mod tests {
         assert_eq!(names.len(), compact::COLUMNS);
         let all = DescriptorSet::all().columns();
         assert_eq!(all.iter().map(|c| &c.name).collect::<BTreeSet<_>>().len(), all.len());
-        assert_eq!(all.len(), compact::COLUMNS + 4 * BINS_AND_BANDS + 4);
+        assert_eq!(DescriptorSet::extended().columns().len(), 78);
+        assert_eq!(all.len(), 78 + 4 * BINS_AND_BANDS + 4);
         let context = all.iter().filter(|c| c.role == Role::Context).count();
         assert_eq!(context, 10);
     }

@@ -13,7 +13,6 @@ use crate::train::kernel::KernelRidge;
 use crate::train::linear::ElasticNet;
 use crate::train::lp_baseline::{BestOf, Criterion};
 use crate::train::matrix::LP_FAMILY;
-use crate::train::neural::NeuralNetwork;
 use crate::train::svr::SupportVectors;
 use crate::train::trivial::MeanOf;
 use crate::train::{Trainer, recipe};
@@ -73,7 +72,7 @@ pub fn run(
     stage("interval of a score");
     let member = recipe::member();
     let (interval, calibration) = bench.intervals(recipe::NAME, &member, &compact, recipe::CALIBRATION_MEMBERS)?;
-    let ablation_trainer = recipe::ablation();
+    let ablation_trainer = recipe::kernel();
     let mut ablation = Vec::new();
     for case in ablation_cases(samples, embedded, protocol)? {
         stage(&format!("ablation: {}", case.name));
@@ -121,10 +120,9 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
             MetricKind::Learned,
             "kernel ridge regression on all training rows; not exported, for the ratings could be solved for",
         ),
-        (Box::new(recipe::ablation()), MetricKind::Learned, "the kernel part of the metric: few landmarks"),
-        (Box::new(NeuralNetwork::default()), MetricKind::Learned, "the network part of the metric: an ensemble in burn"),
-        (Box::new(ElasticNet::ridge()), MetricKind::Baseline, "linear, same descriptors"),
-        (Box::new(ElasticNet::elastic_net()), MetricKind::Baseline, "linear and sparse, same descriptors"),
+        (Box::new(recipe::kernel()), MetricKind::Learned, "the kernel part of the metric: few landmarks"),
+        (Box::new(recipe::network()), MetricKind::Learned, "the network part of the metric: an ensemble in burn"),
+        (Box::new(ElasticNet::mixed()), MetricKind::Baseline, "linear and sparse, same descriptors"),
         (
             Box::new(SupportVectors::default()),
             MetricKind::Baseline,
@@ -170,7 +168,7 @@ fn contenders<'a>(
     all
 }
 
-/// Each family of the compact set left out and alone, and each other family added.
+/// Each family of the extended set left out and alone, and each other family added.
 fn ablation_cases(
     samples: &Samples,
     embedded: Vec<(&'static str, EmbeddedFolds)>,
@@ -181,10 +179,11 @@ fn ablation_cases(
         cases.push(AblationCase::new(&name, samples.select_columns(keep), protocol)?);
         Ok(())
     };
-    let compact = [Family::Lights, Family::Slot, Family::Angular, Family::Context].map(Family::name);
-    for left_out in compact {
+    for left_out in Family::EXTENDED.map(Family::name) {
         case(format!("without {left_out}"), &|c| recipe::uses(c) && c.family != left_out)?;
     }
+    let compact = [Family::Lights, Family::Slot, Family::Angular, Family::Context].map(Family::name);
+    case("compact 48 only".to_owned(), &|c| compact.contains(&c.family.as_str()))?;
     for alone in [Family::Lights, Family::Angular].map(Family::name) {
         case(format!("{alone} and context only"), &|c| c.family == alone || c.family == Family::Context.name())?;
     }
@@ -192,11 +191,11 @@ fn ablation_cases(
         case(format!("with {added}"), &|c| recipe::uses(c) || c.family == added)?;
     }
     case(format!("{LP_FAMILY} only"), &|c| c.family == LP_FAMILY)?;
-    let compact = samples.select_columns(recipe::uses);
+    let used = samples.select_columns(recipe::uses);
     cases.extend(embedded.into_iter().map(|(name, folds)| AblationCase {
         name: format!("with {name}"),
         columns: folds.columns,
-        samples: compact.clone(),
+        samples: used.clone(),
         by_material: folds.by_material,
         by_method: folds.by_method,
     }));

@@ -6,13 +6,13 @@
 use super::TrainError;
 use super::embedding::PrincipalComponents;
 use super::neural::autoencoder::Autoencoder;
-use crate::brdf::BrdfSource;
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
 use crate::descriptor::embedding::{LogSpace, log_map};
 use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Setup};
-use ndarray::{Array2, Axis, concatenate};
+use crate::brdf::BrdfSource;
+use ndarray::{Array2, ArrayView2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -107,15 +107,8 @@ impl TableBank {
     }
 
     /// `samples` with columns of an embedding learned without the references of the groups in `held`.
-    fn extend(
-        &self,
-        samples: &Samples,
-        held: &BTreeSet<&str>,
-        learner: Learner,
-        seed: u64,
-    ) -> Result<Samples, EmbeddingError> {
-        let known =
-            self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
+    fn extend(&self, samples: &Samples, held: &BTreeSet<&str>, learner: Learner, seed: u64) -> Result<Samples, EmbeddingError> {
+        let known = self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
         let rows: Vec<&Vec<f64>> = known.chain(&self.others).collect();
         let width = rows.first().map_or(0, |r| r.len());
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.iter().copied()).collect();
@@ -138,15 +131,22 @@ impl TableBank {
         let found = flat.len();
         let added =
             Array2::from_shape_vec((samples.len(), dimension), flat).map_err(|_| shape(found, samples.len()))?;
-        let features =
-            concatenate(Axis(1), &[samples.features(), added.view()]).map_err(|_| shape(dimension, samples.len()))?;
+        let beside = |features: ArrayView2<'_, f64>, added: &Array2<f64>| {
+            concatenate(Axis(1), &[features.view(), added.view()]).map_err(|_| shape(dimension, samples.len()))
+        };
+        let features = beside(samples.features(), &added)?;
         let mut columns = samples.columns().to_vec();
         columns.extend((0..dimension).map(|k| Column {
             name: format!("{}.{k}", learner.name()),
             family: learner.name().to_owned(),
             role: Role::Difference,
         }));
-        Ok(Samples::new(columns, samples.rows().to_vec(), features)?)
+        let extended = Samples::new(columns, samples.rows().to_vec(), features)?;
+        match samples.swapped() {
+            // Exchanged, a difference of coordinates changes its sign.
+            Some(swapped) => Ok(extended.with_swapped(beside(swapped, &added.mapv(|d| -d))?)?),
+            None => Ok(extended),
+        }
     }
 }
 

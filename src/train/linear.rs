@@ -36,7 +36,7 @@ impl ElasticNet {
         Self { penalties: vec![0.003, 0.01, 0.03, 0.1, 0.3, 1.0], l1_ratio: 0.0 }
     }
 
-    pub fn elastic_net() -> Self {
+    pub fn mixed() -> Self {
         Self { penalties: vec![0.001, 0.003, 0.01, 0.03, 0.1], l1_ratio: 0.5 }
     }
 }

@@ -80,10 +80,14 @@ impl MatrixBuilder<'_> {
             family: LP_FAMILY.to_owned(),
             role: Role::Difference,
         }));
-        let features = concatenate(Axis(1), &[extraction.values.view(), lp.view()])
-            .map_err(|_| MatrixError::Incomplete { found: lp.nrows(), expected: pairs.len() })?;
+        // An Lp distance is the same either way.
+        let beside_lp = |values: &Array2<f64>| {
+            concatenate(Axis(1), &[values.view(), lp.view()])
+                .map_err(|_| MatrixError::Incomplete { found: lp.nrows(), expected: pairs.len() })
+        };
         let rows = study.pairs.iter().map(|p| p.row()).collect();
-        Ok(StudyMatrix { samples: Samples::new(columns, rows, features)?, warnings })
+        let samples = Samples::new(columns, rows, beside_lp(&extraction.values)?)?;
+        Ok(StudyMatrix { samples: samples.with_swapped(beside_lp(&extraction.swapped)?)?, warnings })
     }
 
     /// Pairs x the 36 variants. Pairs of one reference are done together, so that its table is made once.
@@ -137,7 +141,7 @@ impl MatrixBuilder<'_> {
             Some(table) => table,
             None => table.insert(tabulate(reference)?),
         };
-        let distances = LpDistances::between(reference_table, &tabulate(candidate)?).map_err(|source| {
+        let distances = LpDistances::between(reference_table, candidate.brdf.as_ref()).map_err(|source| {
             let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
             MatrixError::Lp { reference, candidate, source }
         })?;

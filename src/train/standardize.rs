@@ -1,4 +1,4 @@
-//! Standardisation fitted on training rows: z = clip((sign(x) sqrt|x| - mean) / scale, -limit, limit).
+//! Standardisation fitted on training rows: z = gain clip((sign(x) |x|^power - mean) / scale, -limit, limit).
 //!
 //! Mean and standard deviation are weighted by the rows' training weights. A column that does not vary over the
 //! training rows is left out, for nothing can be learned from it.
@@ -6,11 +6,16 @@
 use super::TrainError;
 use crate::dataset::samples::Role;
 use crate::dataset::split::TrainingSet;
-use crate::metric::learned::{Feature, Input, Standardizer, sign_root};
+use crate::descriptor::Family;
+use crate::metric::learned::{Feature, Input, Standardizer, sign_power};
 use ndarray::{Array2, ArrayView2};
 
 /// Standardised features are clipped to this many standard deviations.
 const LIMIT: f64 = 4.0;
+/// Between the square root, which flattens large differences, and none, which lets the tails rule.
+const POWER: f64 = 0.7;
+/// The pictures under lamps tell more than any other family, by cross-validation on the open study.
+const LIGHTS_GAIN: f64 = 1.6;
 
 /// A training set in standardised units.
 pub(super) struct Standardized {
@@ -31,18 +36,19 @@ impl Standardized {
         let mut features = Vec::new();
         for (input, column) in set.features().columns().into_iter().enumerate() {
             let weighted = |f: &dyn Fn(f64) -> f64| -> f64 {
-                column.iter().zip(&weights).map(|(&x, w)| w * f(sign_root(x))).sum::<f64>() / total
+                column.iter().zip(&weights).map(|(&x, w)| w * f(sign_power(x, POWER))).sum::<f64>() / total
             };
             let mean = weighted(&|x| x);
             let scale = weighted(&|x| (x - mean) * (x - mean)).sqrt();
             if scale > 1e-12 * mean.abs() && scale.is_normal() {
-                features.push(Feature { input, mean, scale });
+                let gain = if set.columns()[input].family == Family::Lights.name() { LIGHTS_GAIN } else { 1.0 };
+                features.push(Feature { input, mean, scale, gain });
             }
         }
         if !features.iter().any(|f| inputs[f.input].role == Role::Difference) {
             return Err(TrainError::NoDifference { trainer: trainer.to_owned() });
         }
-        let standardizer = Standardizer { limit: LIMIT, features };
+        let standardizer = Standardizer { limit: LIMIT, power: POWER, features };
         let z = apply_rows(&standardizer, set.features(), None);
         let z0 = apply_rows(&standardizer, set.features(), Some(&inputs));
         Ok(Self { inputs, standardizer, z, z0 })

@@ -58,7 +58,7 @@ fn exact_trainers() -> Vec<Box<dyn Trainer>> {
         Box::new(KernelRidge::nystroem(40)),
         Box::new(quick_network()),
         Box::new(ElasticNet::ridge()),
-        Box::new(ElasticNet::elastic_net()),
+        Box::new(ElasticNet::mixed()),
         Box::new(Average {
             name: "average".into(),
             trainers: vec![Box::new(KernelRidge::nystroem(20)), Box::new(ElasticNet::ridge())],

@@ -8,5 +8,5 @@ pub use exported::{ExportedError, ExportedMetric, Score};
 pub use metric::LearnedMetric;
 pub use regressor::{
     Activation, Dense, Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term,
-    forward, sign_root,
+    forward, sign_power,
 };

@@ -47,22 +47,25 @@ impl From<&Column> for Input {
 pub struct Feature {
     /// Position among the regressor's inputs.
     pub input: usize,
-    /// Mean and standard deviation of sign(x) sqrt|x| over the training rows.
+    /// Mean and standard deviation of sign(x) |x|^power over the training rows.
     pub mean: f64,
     pub scale: f64,
+    /// How much the feature counts beside the others.
+    pub gain: f64,
 }
 
-/// z = clip((sign(x) sqrt|x| - mean) / scale, -limit, limit), one feature at a time.
+/// z = gain clip((sign(x) |x|^power - mean) / scale, -limit, limit), one feature at a time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Standardizer {
     pub limit: f64,
+    pub power: f64,
     pub features: Vec<Feature>,
 }
 
-/// sign(x) sqrt|x|: tames the tails of descriptors that span orders of magnitude.
-pub fn sign_root(x: f64) -> f64 {
-    x.signum() * x.abs().sqrt()
+/// sign(x) |x|^power: tames the tails of descriptors that span orders of magnitude.
+pub fn sign_power(x: f64, power: f64) -> f64 {
+    x.signum() * x.abs().powf(power)
 }
 
 impl Standardizer {
@@ -88,17 +91,19 @@ impl Standardizer {
     }
 
     fn one(&self, f: &Feature, x: f64) -> f64 {
-        ((sign_root(x) - f.mean) / f.scale).clamp(-self.limit, self.limit)
+        f.gain * ((sign_power(x, self.power) - f.mean) / f.scale).clamp(-self.limit, self.limit)
     }
 
     fn check(&self, inputs: usize) -> Result<(), RegressorError> {
         positive("the clipping limit", self.limit)?;
+        positive("the power", self.power)?;
         if self.features.is_empty() {
             return Err(RegressorError::Empty { what: "feature" });
         }
         for (i, f) in self.features.iter().enumerate() {
             finite(&format!("mean of feature {i}"), &[f.mean])?;
             positive(&format!("scale of feature {i}"), f.scale)?;
+            positive(&format!("gain of feature {i}"), f.gain)?;
             if f.input >= inputs {
                 return Err(RegressorError::Shape {
                     what: format!("input of feature {i}"),

@@ -203,12 +203,15 @@ impl Job {
         let compact = samples.select_columns(recipe::uses);
         let others = if study.synthetic { Vec::new() } else { unrated(base)? };
         let bank = TableBank::gather(study, &others, base, cache, setup).map_err(user_error)?;
+        let protocol = protocol(study, options.folds, options.resamples, options.seed);
         let embedded = [Learner::PrincipalComponents, Learner::Autoencoder]
-            .map(|learner| Ok((learner.name(), embedded_folds(&bank, &compact, learner, options.folds, options.seed)?)))
+            .map(|learner| {
+                let folds = [protocol.folds, protocol.method_folds];
+                Ok((learner.name(), embedded_folds(&bank, &compact, learner, folds, options.seed)?))
+            })
             .into_iter()
             .collect::<Result<Vec<_>>>()?;
         let info = RunInfo { command: command_line(command, study, options, setup), versions: versions(setup) };
-        let protocol = protocol(study, options.folds, options.resamples, options.seed);
         let stage = |label: &str| bar.label(label);
         let bench = run(study, samples, embedded, &protocol, &info, &stage)?;
         Ok((bench, TrainingSet::whole(&compact)))

@@ -157,24 +157,31 @@ pub struct EmbeddedFolds {
     pub by_method: Vec<Fold>,
 }
 
-/// The folds of [`crate::dataset::split`] with the same `folds` and `seed`, each with the columns of `samples` that `keep`
-/// accepts and those of an embedding learned on its training side.
+/// The folds of [`crate::dataset::split`] with the same numbers (by material, by material within each method family) and
+/// seed, each with the columns of `samples` and those of an embedding learned on its training side.
 pub fn embedded_folds(
     bank: &TableBank,
     samples: &Samples,
     learner: Learner,
-    folds: usize,
+    [folds, method_folds]: [usize; 2],
     seed: u64,
 ) -> Result<EmbeddedFolds, EmbeddingError> {
-    let plain = grouped_folds(samples, folds, seed)?;
     let mut found = EmbeddedFolds { columns: 0, by_material: Vec::new(), by_method: Vec::new() };
-    for (k, fold) in plain.iter().enumerate() {
-        let held: BTreeSet<&str> = fold.held_out.rows().iter().map(|r| r.group.as_str()).collect();
-        let extended = bank.extend(samples, &held, learner, seed)?;
+    for (k, fold) in grouped_folds(samples, folds, seed)?.iter().enumerate() {
+        let extended = bank.extend(samples, &held_groups(fold), learner, seed)?;
         found.columns = extended.columns().len();
         found.by_material.extend(grouped_folds(&extended, folds, seed)?.into_iter().nth(k));
-        let of_this_fold = |f: &Fold| f.held_out.rows().iter().all(|r| held.contains(r.group.as_str()));
-        found.by_method.extend(method_and_group_folds(&extended, folds, seed)?.into_iter().filter(of_this_fold));
+    }
+    // Each method family is left out with the same groups of materials.
+    for fold in &grouped_folds(samples, method_folds, seed)? {
+        let held = held_groups(fold);
+        let extended = bank.extend(samples, &held, learner, seed)?;
+        let of_these = |f: &Fold| f.held_out.rows().iter().all(|r| held.contains(r.group.as_str()));
+        found.by_method.extend(method_and_group_folds(&extended, method_folds, seed)?.into_iter().filter(of_these));
     }
     Ok(found)
+}
+
+fn held_groups(fold: &Fold) -> BTreeSet<&str> {
+    fold.held_out.rows().iter().map(|r| r.group.as_str()).collect()
 }

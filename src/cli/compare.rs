@@ -1,6 +1,6 @@
 //! `vernis compare`: two BRDFs, any number of metrics.
 
-use super::{Shared, user_error, workspace};
+use super::{Shared, print, user_error, workspace};
 use crate::metric::registry::{Distance, distances};
 use anyhow::Result;
 use clap::Args;
@@ -46,14 +46,13 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
     }
     let found = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref()).map_err(user_error)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&to_json(&found, args.per_channel))?);
-    } else {
-        print!("{}", to_text(&found, args.per_channel));
-        if metrics.iter().filter_map(|m| m.as_learned()).any(|m| m.exported().provenance.synthetic) {
-            println!("SYNTHETIC: a metric above was trained on simulated observers; its scores say nothing about people.");
-        }
+        return print(serde_json::to_string_pretty(&to_json(&found, args.per_channel))? + "\n");
     }
-    Ok(())
+    let mut text = to_text(&found, args.per_channel);
+    if metrics.iter().filter_map(|m| m.as_learned()).any(|m| m.exported().provenance.synthetic) {
+        text += "SYNTHETIC: a metric above was trained on simulated observers; its scores say nothing about people.\n";
+    }
+    print(text)
 }
 
 fn to_json(found: &[Distance], per_channel: bool) -> Value {

@@ -1,6 +1,6 @@
 //! `vernis data`: studies and the files they need.
 
-use super::Shared;
+use super::{Shared, print};
 use crate::dataset::inventory::{FileState, StudyStatus, inventory};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -27,25 +27,25 @@ pub fn run(shared: &Shared, args: DataArgs) -> Result<()> {
     let DataCommand::List { json } = args.command;
     let studies = inventory(shared.data.as_deref());
     if json {
-        println!("{}", serde_json::to_string_pretty(&studies)?);
-        return Ok(());
+        return print(serde_json::to_string_pretty(&studies)? + "\n");
     }
-    match &shared.data {
-        Some(folder) => println!("data folder: {}\n", folder.display()),
-        None => println!("no data folder: name one with --data DIR or VERNIS_DATA\n"),
-    }
-    studies.iter().for_each(print_study);
-    Ok(())
+    let mut text = match &shared.data {
+        Some(folder) if !folder.is_dir() => format!("data folder: {} (no such folder)\n\n", folder.display()),
+        Some(folder) => format!("data folder: {}\n\n", folder.display()),
+        None => "no data folder: name one with --data DIR or VERNIS_DATA\n\n".to_owned(),
+    };
+    text.extend(studies.iter().flat_map(|study| [study_text(study), "\n".to_owned()]));
+    print(text)
 }
 
-fn print_study(study: &StudyStatus) {
-    println!("{}: {}", study.name, study.title);
+fn study_text(study: &StudyStatus) -> String {
+    let mut text = format!("{}: {}\n", study.name, study.title);
     if let Some(doi) = &study.doi {
-        println!("  doi:{doi}");
+        text += &format!("  doi:{doi}\n");
     }
-    println!("  {} of {} rated pairs are here", study.pairs.found, study.pairs.known);
+    text += &format!("  {} of {} rated pairs are here\n", study.pairs.found, study.pairs.known);
     if let Some(problem) = &study.problem {
-        println!("  cannot be loaded: {problem}");
+        text += &format!("  cannot be loaded: {problem}\n");
     }
     for file in &study.files {
         let state = match &file.state {
@@ -55,14 +55,14 @@ fn print_study(study: &StudyStatus) {
             FileState::Different => "here, but NOT the published content".to_owned(),
             FileState::Unreadable(reason) => format!("unreadable: {reason}"),
         };
-        println!("  {:45} {state}", file.path);
-        println!("      {}; licence: {}", file.role, file.licence);
+        text += &format!("  {:45} {state}\n      {}; licence: {}\n", file.path, file.role, file.licence);
         if file.state != FileState::AsPublished {
-            println!("      from {}", file.origin);
+            text += &format!("      from {}\n", file.origin);
         }
     }
     for collection in &study.collections {
-        println!("  {}\n      licence: {}; from {}", collection.what, collection.licence, collection.origin);
+        let (what, licence, origin) = (&collection.what, &collection.licence, &collection.origin);
+        text += &format!("  {what}\n      licence: {licence}; from {origin}\n");
     }
-    println!();
+    text
 }

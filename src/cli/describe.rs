@@ -1,6 +1,6 @@
 //! `vernis describe`: what a BRDF is, and what its descriptors say of it.
 
-use super::{Shared, user_error, workspace};
+use super::{Shared, print, user_error, workspace};
 use crate::brdf::{Brdf, Grid};
 use crate::descriptor::{BrdfFeatures, DescriptorSet, Family};
 use crate::math::coordinates::standard_directions;
@@ -52,30 +52,29 @@ pub fn run(shared: &Shared, args: DescribeArgs) -> Result<()> {
             "mirror": mirror.map(|(deg, rgb)| json!({"theta_deg": deg, "rgb": rgb})),
             "descriptors": descriptors,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return print(serde_json::to_string_pretty(&value)? + "\n");
     }
-    println!("{}\nsha256 {}", open.notation, open.content);
+    let mut text = format!("{}\nsha256 {}\n", open.notation, open.content);
     if let Some((grid, valid)) = table {
         let [a, b, c] = grid.shape();
         let kind = if matches!(grid, Grid::Standard { .. }) { "standard" } else { "half/difference" };
-        println!("table of {a} x {b} x {c} cells in {kind} coordinates, {valid} of {} measured", grid.len());
+        text += &format!("table of {a} x {b} x {c} cells in {kind} coordinates, {valid} of {} measured\n", grid.len());
     }
     for (deg, rgb) in mirror {
-        match rgb {
-            Some([r, g, b]) => println!("mirror direction at {deg:2} deg: {r:.4} {g:.4} {b:.4} 1/sr"),
-            None => println!("mirror direction at {deg:2} deg: not measured"),
-        }
+        text += &match rgb {
+            Some([r, g, b]) => format!("mirror direction at {deg:2} deg: {r:.4} {g:.4} {b:.4} 1/sr\n"),
+            None => format!("mirror direction at {deg:2} deg: not measured\n"),
+        };
     }
-    println!("\ndescriptors of the BRDF alone:");
-    context.iter().for_each(|(name, meaning, value)| println!("  {name:18} {value:9.4}  {meaning}"));
+    text += "\ndescriptors of the BRDF alone:\n";
+    text.extend(context.iter().map(|(name, meaning, value)| format!("  {name:18} {value:9.4}  {meaning}\n")));
     if args.descriptors {
-        println!("\ndescriptors of a pair:");
+        text += "\ndescriptors of a pair:\n";
         for d in DescriptorSet::compact().descriptions() {
-            println!("  {:22} [{}] {} ({})", d.column.name, d.unit, d.meaning, d.source);
+            text += &format!("  {:22} [{}] {} ({})\n", d.column.name, d.unit, d.meaning, d.source);
         }
     }
-    Ok(())
+    print(text)
 }
 
 /// The value where a mirror would reflect, for light at `theta_deg` from the normal.

@@ -1,6 +1,6 @@
 //! `vernis metrics`: what there is to measure with.
 
-use super::Shared;
+use super::{Shared, print};
 use crate::metric::registry::Registry;
 use anyhow::Result;
 use clap::Args;
@@ -28,14 +28,14 @@ pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
                 })
             })
             .collect();
-        println!("{}", serde_json::to_string_pretty(&all)?);
-        return Ok(());
+        return print(serde_json::to_string_pretty(&all)? + "\n");
     }
     let width = registry.iter().map(|m| m.name().len()).max().unwrap_or(0);
+    let mut text = String::new();
     for metric in registry.iter() {
         let p = metric.properties();
-        println!("{:width$}  {} [{}]", metric.name(), p.summary, p.unit);
+        text += &format!("{:width$}  {} [{}]\n", metric.name(), p.summary, p.unit);
     }
-    println!("\n`all-lp` stands for the 36 Lp metrics of Lavoué et al. 2021. 0 is identical, larger is worse.");
-    Ok(())
+    text += "\n`all-lp` stands for the 36 Lp metrics of Lavoué et al. 2021. 0 is identical, larger is worse.\n";
+    print(text)
 }

@@ -13,7 +13,9 @@ mod train;
 mod workspace;
 
 use anyhow::Result;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -30,14 +32,19 @@ struct Cli {
 #[derive(Args, Clone)]
 pub struct Shared {
     /// Folder with the real inputs (ratings, measured and fitted BRDFs).
-    #[arg(long, global = true, env = "VERNIS_DATA", value_name = "DIR")]
+    #[arg(long, global = true, env = "VERNIS_DATA", value_name = "DIR", value_parser = folder())]
     data: Option<PathBuf>,
     /// Folder for descriptors that were computed before [default: $XDG_CACHE_HOME/vernis or ~/.cache/vernis].
-    #[arg(long, global = true, env = "VERNIS_CACHE", value_name = "DIR")]
+    #[arg(long, global = true, env = "VERNIS_CACHE", value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
     /// Number of worker threads [default: one a core]. Never changes a result.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
+}
+
+/// Takes an empty path, unlike clap's own: a variable that is set to nothing means that none was given.
+fn folder() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().map(PathBuf::from)
 }
 
 #[derive(Subcommand)]
@@ -77,9 +84,23 @@ fn user_error(message: impl std::fmt::Display) -> anyhow::Error {
     UserError(message.to_string()).into()
 }
 
+/// Writes results to standard output. A reader that has seen enough, such as `head`, is no fault of anybody.
+fn print(text: impl std::fmt::Display) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match write!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(anyhow::Error::new(error).context("standard output"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Parses the arguments, runs the subcommand, reports what went wrong in one message.
 pub fn run() -> ExitCode {
-    let cli = Cli::parse();
+    let mut cli = Cli::parse();
+    for folder in [&mut cli.shared.data, &mut cli.shared.cache] {
+        folder.take_if(|path| path.as_os_str().is_empty());
+    }
     match dispatch(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -21,12 +21,12 @@ impl Bar {
 
     /// Reports how far `stage` is. May be called from any thread.
     pub fn update(&self, stage: &'static str, progress: Progress) {
-        if let Ok(mut current) = self.stage.lock() {
-            if *current != stage {
-                *current = stage;
-                self.bar.reset();
-                self.bar.set_message(stage);
-            }
+        if let Ok(mut current) = self.stage.lock()
+            && *current != stage
+        {
+            *current = stage;
+            self.bar.reset();
+            self.bar.set_message(stage);
         }
         self.bar.set_length(progress.total as u64);
         // Threads may report out of order; the bar only moves forward.
@@ -46,7 +46,6 @@ impl Bar {
     #[cfg(feature = "train")]
     pub fn label(&self, label: &str) {
         self.bar.set_message(label.to_owned());
-        if std::env::var_os("VERNIS_TRACE").is_some() { eprintln!("{:?} {label}", std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map(|d| d.as_secs() % 10000)); }
         self.bar.tick();
     }
 

@@ -1,8 +1,9 @@
 //! `vernis score`: many pairs from a CSV file, in order, with one column a metric.
 
 use super::progress::Bar;
-use super::{Shared, user_error, workspace};
+use super::{Shared, print, user_error, workspace};
 use crate::brdf::OpenBrdf;
+use crate::dataset::csv_study::{csv_error, line_of};
 use crate::descriptor::Progress;
 use crate::metric::registry::{Distance, distances};
 use crate::report::OutputFolder;
@@ -34,7 +35,8 @@ pub struct ScoreArgs {
 /// The rows of a file and where its two columns stand.
 struct Pairs {
     header: csv::StringRecord,
-    rows: Vec<csv::StringRecord>,
+    /// Each with its line in the file.
+    rows: Vec<(u64, csv::StringRecord)>,
     reference: usize,
     candidate: usize,
 }
@@ -42,12 +44,9 @@ struct Pairs {
 impl Pairs {
     fn read(path: &Path) -> Result<Self> {
         let file = path.display();
-        let mut reader = csv::ReaderBuilder::new()
-            .flexible(true)
-            .trim(csv::Trim::All)
-            .from_path(path)
-            .map_err(|e| user_error(format!("{file}: {e}")))?;
-        let header = reader.headers().map_err(|e| user_error(format!("{file}: {e}")))?.clone();
+        let bytes = std::fs::read(path).map_err(|e| user_error(format!("{file}: {e}")))?;
+        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(&bytes[..]);
+        let header = reader.headers().map_err(|e| user_error(csv_error(path, &e)))?.clone();
         let column = |name: &str| {
             header.iter().position(|h| h == name).ok_or_else(|| {
                 let found = header.iter().collect::<Vec<_>>().join(", ");
@@ -57,8 +56,8 @@ impl Pairs {
         let (reference, candidate) = (column("reference")?, column("candidate")?);
         let mut rows = Vec::new();
         for record in reader.records() {
-            let record = record.map_err(|e| user_error(format!("{file}: {e}")))?;
-            let line = record.position().map_or(0, |p| p.line());
+            let record = record.map_err(|e| user_error(csv_error(path, &e)))?;
+            let line = line_of(&bytes, &record);
             if record.len() != header.len() {
                 let (found, needed) = (record.len(), header.len());
                 return Err(user_error(format!("{file}, line {line}: {found} fields, the header has {needed}")));
@@ -68,7 +67,7 @@ impl Pairs {
                     return Err(user_error(format!("{file}, line {line}: `{name}` is empty; a BRDF is needed")));
                 }
             }
-            rows.push(record);
+            rows.push((line, record));
         }
         if rows.is_empty() {
             return Err(user_error(format!("{file}: no pair after the header; at least one is needed")));
@@ -81,7 +80,10 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     let metrics = workspace::metrics(&args.metrics)?;
     let pairs = Pairs::read(&args.pairs)?;
     let name = args.out.file_name().and_then(|n| n.to_str());
-    let name = name.ok_or_else(|| user_error(format!("--out {}: not the name of a file", args.out.display())))?;
+    let name = name.filter(|_| !args.out.is_dir());
+    let name = name.ok_or_else(|| {
+        user_error(format!("--out {}: found a folder or no name, allowed: the name of a file", args.out.display()))
+    })?;
     let parent = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = OutputFolder::create(parent).map_err(user_error)?;
     let cache = workspace::cache(shared)?;
@@ -91,8 +93,7 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     let mut found: Vec<Vec<Distance>> = Vec::with_capacity(pairs.rows.len());
     // Neighbouring rows often share their reference.
     let mut last: Option<(String, OpenBrdf)> = None;
-    for (i, row) in pairs.rows.iter().enumerate() {
-        let line = row.position().map_or(0, |p| p.line());
+    for (i, (line, row)) in pairs.rows.iter().enumerate() {
         let at = |e: String| user_error(format!("{}, line {line}: {e}", args.pairs.display()));
         let notation = &row[pairs.reference];
         let reference = match &last {
@@ -108,8 +109,7 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     }
     bar.finish();
     folder.write(name, &to_csv(&pairs, &found)?)?;
-    println!("{} pairs, {} metrics: {}", pairs.rows.len(), metrics.len(), args.out.display());
-    Ok(())
+    print(format!("{} pairs, {} metrics: {}\n", pairs.rows.len(), metrics.len(), args.out.display()))
 }
 
 fn to_csv(pairs: &Pairs, found: &[Vec<Distance>]) -> Result<Vec<u8>> {
@@ -122,7 +122,7 @@ fn to_csv(pairs: &Pairs, found: &[Vec<Distance>]) -> Result<Vec<u8>> {
         header.extend(["mos", "mos_low", "mos_high"].map(|c| format!("{c}{suffix}")));
     }
     writer.write_record(&header)?;
-    for (row, distances) in pairs.rows.iter().zip(found) {
+    for ((_, row), distances) in pairs.rows.iter().zip(found) {
         let mut record: Vec<String> = row.iter().map(str::to_owned).collect();
         record.extend(distances.iter().map(|d| d.value.to_string()));
         for s in distances.iter().filter_map(|d| d.score) {

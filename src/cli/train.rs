@@ -4,8 +4,8 @@ use super::progress::Bar;
 use super::{Shared, user_error, workspace};
 use crate::brdf::BrdfSource;
 use crate::brdf::formats::materials;
-use crate::dataset::{Study, synthetic};
 use crate::dataset::split::TrainingSet;
+use crate::dataset::{Study, synthetic};
 use crate::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::evaluation::study_benchmark::{RunInfo, StudyBenchmark, data_hashes, protocol, run};
@@ -196,7 +196,8 @@ impl Job {
         workspace::warn(cache.and_then(|c| c.prepare(setup)));
         let set = DescriptorSet::all();
         let progress = |stage, p| bar.update(stage, p);
-        let matrix = MatrixBuilder { set: &set, setup, base, cache, progress: &progress }.build(study).map_err(user_error)?;
+        let matrix =
+            MatrixBuilder { set: &set, setup, base, cache, progress: &progress }.build(study).map_err(user_error)?;
         workspace::warn(&matrix.warnings);
         bar.stage("embeddings");
         let samples = &matrix.samples;

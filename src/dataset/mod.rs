@@ -2,7 +2,7 @@
 //!
 //! Nothing in this room knows how anything is computed from a BRDF.
 
-mod csv_study;
+pub mod csv_study;
 mod error;
 pub mod inventory;
 pub mod manifest;

@@ -133,8 +133,7 @@ fn run_folds(
 ) -> Result<OutOfFold, EvaluationError> {
     check_coverage(samples, folds)?;
     let run = |(index, fold): (usize, &Fold)| {
-        let (training, score) =
-            predict(index, fold).map_err(|source| training_error(name, index, fold, source))?;
+        let (training, score) = predict(index, fold).map_err(|source| training_error(name, index, fold, source))?;
         match training {
             Some(training) => map_fold(name, index, &training, &fold.training.mos(), score),
             None => Ok(FoldPredictions { mos: score.iter().map(|s| s.clamp(1.0, 5.0)).collect(), score }),

@@ -90,12 +90,8 @@ impl Bench {
     /// `samples` names the rows; contenders may see other columns of the same rows.
     pub fn new(protocol: Protocol, samples: &Samples) -> Result<Self, EvaluationError> {
         let aside = protocol.set_aside.clone();
-        let jury = Jury::new(
-            samples.rows(),
-            |row| aside.contains(&row.method_family),
-            protocol.resamples,
-            protocol.seed,
-        )?;
+        let jury =
+            Jury::new(samples.rows(), |row| aside.contains(&row.method_family), protocol.resamples, protocol.seed)?;
         Ok(Self { protocol, samples: samples.clone(), jury, judged: Vec::new(), predictions: Vec::new() })
     }
 
@@ -135,8 +131,10 @@ impl Bench {
             Source::Means(_) if split == Split::UnseenMaterialAndMethod => return Ok(None),
             Source::Means(means) => cross_validate_mean(&self.samples, &folds, *means)?,
             Source::MeanOf(parts) => {
-                let parts: Vec<Vec<f64>> =
-                    parts.iter().map(|part| Ok(self.found(part, split)?.score.clone())).collect::<Result<_, EvaluationError>>()?;
+                let parts: Vec<Vec<f64>> = parts
+                    .iter()
+                    .map(|part| Ok(self.found(part, split)?.score.clone()))
+                    .collect::<Result<_, EvaluationError>>()?;
                 cross_validate_scores(&contender.name, &self.samples, &folds, &mean_of(&parts))?
             }
         }))

@@ -62,10 +62,7 @@ pub fn run(
     let lp = samples.select_columns(|c| c.family == LP_FAMILY);
     let mut bench = Bench::new(protocol.clone(), samples)?;
     let parts = parts();
-    let best = BestOf {
-        columns: LpVariant::of_study().map(|v| v.to_string()).collect(),
-        criterion: Criterion::Plcc,
-    };
+    let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
     for contender in contenders(&parts, &best, &compact, &lp) {
         stage(&format!("cross-validation: {}", contender.name));
         bench.judge(&contender)?;
@@ -73,7 +70,7 @@ pub fn run(
     stage("interval of a score");
     let member = recipe::member();
     let (interval, calibration) = bench.intervals(recipe::NAME, &member, &compact, recipe::CALIBRATION_MEMBERS)?;
-    let ablation_trainer = recipe::kernel();
+    let ablation_trainer = recipe::plain_kernel();
     let mut ablation = Vec::new();
     for case in ablation_cases(samples, embedded, protocol)? {
         stage(&format!("ablation: {}", case.name));
@@ -123,6 +120,11 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
         ),
         (Box::new(recipe::kernel()), MetricKind::Learned, "the kernel part of the metric: few landmarks"),
         (Box::new(recipe::network()), MetricKind::Learned, "the network part of the metric: an ensemble in burn"),
+        (
+            Box::new(recipe::plain_kernel()),
+            MetricKind::Learned,
+            "the landmark kernel without exchanged pairs: what the ablation retrains",
+        ),
         (Box::new(ElasticNet::mixed()), MetricKind::Baseline, "linear and sparse, same descriptors"),
         (
             Box::new(SupportVectors::default()),
@@ -138,17 +140,11 @@ fn contenders<'a>(
     compact: &'a Samples,
     lp: &'a Samples,
 ) -> Vec<Contender<'a>> {
-    let contender = |name: &str, kind, note: &str, source| Contender {
-        name: name.to_owned(),
-        kind,
-        note: note.to_owned(),
-        source,
-    };
+    let contender =
+        |name: &str, kind, note: &str, source| Contender { name: name.to_owned(), kind, note: note.to_owned(), source };
     let mut all: Vec<Contender<'a>> = parts
         .iter()
-        .map(|(trainer, kind, note)| {
-            contender(trainer.name(), *kind, note, Source::Trainer(trainer.as_ref(), compact))
-        })
+        .map(|(trainer, kind, note)| contender(trainer.name(), *kind, note, Source::Trainer(trainer.as_ref(), compact)))
         .collect();
     let note = "the exported metric: mean of the landmark kernel and the networks";
     all.push(contender(recipe::NAME, MetricKind::Learned, note, Source::MeanOf(&recipe::PARTS)));
@@ -159,7 +155,12 @@ fn contenders<'a>(
         Source::Trainer(best, lp),
     ));
     all.extend(LpVariant::of_study().map(|variant| {
-        contender(&variant.to_string(), MetricKind::Lp, "Lavoué et al. 2021, as computed by their program", Source::Distance(lp))
+        contender(
+            &variant.to_string(),
+            MetricKind::Lp,
+            "Lavoué et al. 2021, as computed by their program",
+            Source::Distance(lp),
+        )
     }));
     all.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|means| {
         contender(means.name(), MetricKind::Trivial, "knows who fitted it, nothing of appearance", Source::Means(means))

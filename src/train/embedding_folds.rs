@@ -6,12 +6,12 @@
 use super::TrainError;
 use super::embedding::PrincipalComponents;
 use super::neural::autoencoder::Autoencoder;
+use crate::brdf::BrdfSource;
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
 use crate::descriptor::embedding::{LogSpace, log_map};
 use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Setup};
-use crate::brdf::BrdfSource;
 use ndarray::{Array2, ArrayView2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -107,8 +107,15 @@ impl TableBank {
     }
 
     /// `samples` with columns of an embedding learned without the references of the groups in `held`.
-    fn extend(&self, samples: &Samples, held: &BTreeSet<&str>, learner: Learner, seed: u64) -> Result<Samples, EmbeddingError> {
-        let known = self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
+    fn extend(
+        &self,
+        samples: &Samples,
+        held: &BTreeSet<&str>,
+        learner: Learner,
+        seed: u64,
+    ) -> Result<Samples, EmbeddingError> {
+        let known =
+            self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
         let rows: Vec<&Vec<f64>> = known.chain(&self.others).collect();
         let width = rows.first().map_or(0, |r| r.len());
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.iter().copied()).collect();

@@ -49,6 +49,9 @@ pub struct MatrixBuilder<'a> {
     pub progress: &'a (dyn Fn(&'static str, Progress) + Sync),
 }
 
+/// Place of a pair in its study, its Lp distances, and what of them could not be kept.
+type LpRow = (usize, Vec<f64>, Option<CacheWarning>);
+
 /// A study as numbers.
 #[derive(Debug, Clone)]
 pub struct StudyMatrix {
@@ -95,7 +98,7 @@ impl MatrixBuilder<'_> {
         let mut by_reference: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         pairs.iter().enumerate().for_each(|(i, (r, _))| by_reference.entry(r.identity()).or_default().push(i));
         let (done, total) = (AtomicUsize::new(0), pairs.len());
-        let of_group = |indices: &Vec<usize>| -> Result<Vec<(usize, Vec<f64>, Option<CacheWarning>)>, MatrixError> {
+        let of_group = |indices: &Vec<usize>| -> Result<Vec<LpRow>, MatrixError> {
             let Some(&first) = indices.first() else { return Ok(Vec::new()) };
             let reference = pairs[first].0.open(self.base)?;
             let mut table = None;

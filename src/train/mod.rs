@@ -15,9 +15,9 @@ pub mod kernel;
 #[cfg(feature = "train")]
 pub mod linear;
 pub mod lp_baseline;
+pub mod matrix;
 #[cfg(feature = "train")]
 pub mod neural;
-pub mod matrix;
 #[cfg(feature = "train")]
 pub mod recipe;
 mod standardize;

@@ -4,7 +4,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const ROOMS: [&str; 12] = [
-    "math", "brdf", "dataset", "descriptor", "metric", "fit", "train", "evaluation", "render", "study", "report", "cli",
+    "math",
+    "brdf",
+    "dataset",
+    "descriptor",
+    "metric",
+    "fit",
+    "train",
+    "evaluation",
+    "render",
+    "study",
+    "report",
+    "cli",
 ];
 
 fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {

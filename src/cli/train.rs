@@ -4,8 +4,8 @@ use super::progress::Bar;
 use super::{Shared, user_error, workspace};
 use crate::brdf::BrdfSource;
 use crate::brdf::formats::materials;
-use crate::dataset::{Study, synthetic};
 use crate::dataset::split::TrainingSet;
+use crate::dataset::{Study, synthetic};
 use crate::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::evaluation::study_benchmark::{RunInfo, StudyBenchmark, data_hashes, protocol, run};
@@ -196,19 +196,23 @@ impl Job {
         workspace::warn(cache.and_then(|c| c.prepare(setup)));
         let set = DescriptorSet::all();
         let progress = |stage, p| bar.update(stage, p);
-        let matrix = MatrixBuilder { set: &set, setup, base, cache, progress: &progress }.build(study).map_err(user_error)?;
+        let matrix =
+            MatrixBuilder { set: &set, setup, base, cache, progress: &progress }.build(study).map_err(user_error)?;
         workspace::warn(&matrix.warnings);
         bar.stage("embeddings");
         let samples = &matrix.samples;
         let compact = samples.select_columns(recipe::uses);
         let others = if study.synthetic { Vec::new() } else { unrated(base)? };
         let bank = TableBank::gather(study, &others, base, cache, setup).map_err(user_error)?;
+        let protocol = protocol(study, options.folds, options.resamples, options.seed);
         let embedded = [Learner::PrincipalComponents, Learner::Autoencoder]
-            .map(|learner| Ok((learner.name(), embedded_folds(&bank, &compact, learner, options.folds, options.seed)?)))
+            .map(|learner| {
+                let folds = [protocol.folds, protocol.method_folds];
+                Ok((learner.name(), embedded_folds(&bank, &compact, learner, folds, options.seed)?))
+            })
             .into_iter()
             .collect::<Result<Vec<_>>>()?;
         let info = RunInfo { command: command_line(command, study, options, setup), versions: versions(setup) };
-        let protocol = protocol(study, options.folds, options.resamples, options.seed);
         let stage = |label: &str| bar.label(label);
         let bench = run(study, samples, embedded, &protocol, &info, &stage)?;
         Ok((bench, TrainingSet::whole(&compact)))

@@ -66,15 +66,8 @@ impl Family {
     ];
 
     /// Those of the extended set, in order.
-    pub const EXTENDED: [Self; 7] = [
-        Self::Lights,
-        Self::Slot,
-        Self::Angular,
-        Self::Context,
-        Self::SlotDetail,
-        Self::Display,
-        Self::Change,
-    ];
+    pub const EXTENDED: [Self; 7] =
+        [Self::Lights, Self::Slot, Self::Angular, Self::Context, Self::SlotDetail, Self::Display, Self::Change];
 
     /// The name that columns and ablations use.
     pub fn name(self) -> &'static str {

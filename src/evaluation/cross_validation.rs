@@ -79,6 +79,18 @@ pub fn cross_validate_mean(samples: &Samples, folds: &[Fold], of: MeanOf) -> Res
     })
 }
 
+/// Scores in MOS that are known for every row, as a mean of other contenders' is, put into the record of `folds`.
+pub fn cross_validate_scores(
+    name: &str,
+    samples: &Samples,
+    folds: &[Fold],
+    scores: &[f64],
+) -> Result<OutOfFold, EvaluationError> {
+    run_folds(name, samples, folds, |_, fold| {
+        Ok((None, fold.held_out.indices().iter().map(|&row| scores[row]).collect()))
+    })
+}
+
 /// Standard deviation of the predictions of `members` models, each trained on resampled material groups of a fold's
 /// training side, for every row, in MOS; 0 for fewer than two members.
 pub fn cross_validate_spread(

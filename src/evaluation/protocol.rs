@@ -10,7 +10,8 @@ use super::benchmark::{JudgedMetric, Jury, prediction_records, residuals_by_mate
 use super::bootstrap::Interval as Bounds;
 use super::calibration::Calibration;
 use super::cross_validation::{
-    OutOfFold, cross_validate, cross_validate_distance, cross_validate_mean, cross_validate_spread, in_sample,
+    OutOfFold, cross_validate, cross_validate_distance, cross_validate_mean, cross_validate_scores,
+    cross_validate_spread, in_sample,
 };
 use super::records::{
     AblationRecord, DifferenceRecord, MaterialResidual, MetricKind, MetricRecord, PredictionRecord, Split,
@@ -29,6 +30,8 @@ pub const INTERVAL_LEVEL: f64 = 0.95;
 pub struct Protocol {
     /// Folds by material group.
     pub folds: usize,
+    /// Folds by material group within each family of methods that is left out.
+    pub method_folds: usize,
     /// Bootstrap resamples of materials.
     pub resamples: usize,
     pub seed: u64,
@@ -44,6 +47,8 @@ pub enum Source<'a> {
     Distance(&'a Samples),
     /// A mean of ratings.
     Means(MeanOf),
+    /// The mean of contenders that were judged before, as an average of their trainers would predict.
+    MeanOf(&'a [&'a str]),
 }
 
 /// One metric of the benchmark.
@@ -67,7 +72,7 @@ impl AblationCase {
     /// The same descriptors in every fold.
     pub fn new(name: &str, samples: Samples, protocol: &Protocol) -> Result<Self, EvaluationError> {
         let by_material = grouped_folds(&samples, protocol.folds, protocol.seed)?;
-        let by_method = method_and_group_folds(&samples, protocol.folds, protocol.seed)?;
+        let by_method = method_and_group_folds(&samples, protocol.method_folds, protocol.seed)?;
         Ok(Self { name: name.to_owned(), columns: samples.columns().len(), samples, by_material, by_method })
     }
 }
@@ -78,7 +83,7 @@ pub struct Bench {
     samples: Samples,
     jury: Jury,
     judged: Vec<JudgedMetric>,
-    predictions: Vec<(String, Predictions)>,
+    predictions: Vec<(String, Split, Predictions)>,
 }
 
 impl Bench {
@@ -92,44 +97,59 @@ impl Bench {
 
     /// Runs a contender through every split that it can take part in.
     pub fn judge(&mut self, contender: &Contender<'_>) -> Result<(), EvaluationError> {
-        let Protocol { folds, seed, .. } = self.protocol;
-        let samples = match &contender.source {
-            Source::Trainer(_, samples) | Source::Distance(samples) => samples,
-            Source::Means(_) => &self.samples,
-        };
-        let run = |folds: &[Fold]| -> Result<OutOfFold, EvaluationError> {
-            match &contender.source {
-                Source::Trainer(trainer, samples) => cross_validate(samples, folds, *trainer, seed),
-                Source::Distance(samples) => cross_validate_distance(samples, folds, &contender.name),
-                Source::Means(means) => cross_validate_mean(&self.samples, folds, *means),
+        let name = contender.name.as_str();
+        let mut judged = Vec::new();
+        let mut folds = Vec::new();
+        for split in [Split::UnseenMaterial, Split::UnseenMaterialAndMethod, Split::UnseenMaterialType] {
+            let Some(found) = self.out_of_fold_of(contender, split)? else { continue };
+            judged.extend(self.jury.judge(name, split, &found.predictions)?);
+            if split == Split::UnseenMaterial {
+                folds = found.folds;
             }
-        };
-        let main = run(&grouped_folds(samples, folds, seed)?)?;
-        let mut judged = self.jury.judge(&contender.name, Split::UnseenMaterial, &main.predictions)?;
-        // A mean of the method has nothing to say of a method that it has not seen.
-        if !matches!(contender.source, Source::Means(_)) {
-            if families(samples) > 1 {
-                let found = run(&method_and_group_folds(samples, folds, seed)?)?;
-                judged.extend(self.jury.judge(&contender.name, Split::UnseenMaterialAndMethod, &found.predictions)?);
-            }
-            if types(samples) > 1 {
-                let found = run(&material_type_folds(samples)?)?;
-                judged.extend(self.jury.judge(&contender.name, Split::UnseenMaterialType, &found.predictions)?);
-            }
+            self.predictions.push((name.to_owned(), split, found.predictions));
         }
         if let Source::Distance(samples) = &contender.source {
-            let found = in_sample(samples, &contender.name)?;
-            judged.extend(self.jury.judge(&contender.name, Split::InSample, &found)?);
+            judged.extend(self.jury.judge(name, Split::InSample, &in_sample(samples, name)?)?);
         }
-        self.predictions.push((contender.name.clone(), main.predictions));
-        self.judged.push(JudgedMetric {
-            name: contender.name.clone(),
-            kind: contender.kind,
-            note: contender.note.clone(),
-            judged,
-            folds: main.folds,
-        });
+        let (kind, note) = (contender.kind, contender.note.clone());
+        self.judged.push(JudgedMetric { name: name.to_owned(), kind, note, judged, folds });
         Ok(())
+    }
+
+    /// `None` where the split does not exist in this study, or the contender has nothing to say.
+    fn out_of_fold_of(&self, contender: &Contender<'_>, split: Split) -> Result<Option<OutOfFold>, EvaluationError> {
+        let seed = self.protocol.seed;
+        let samples = match &contender.source {
+            Source::Trainer(_, samples) | Source::Distance(samples) => samples,
+            Source::Means(_) | Source::MeanOf(_) => &self.samples,
+        };
+        let Some(folds) = self.folds(samples, split)? else { return Ok(None) };
+        Ok(Some(match &contender.source {
+            Source::Trainer(trainer, samples) => cross_validate(samples, &folds, *trainer, seed)?,
+            Source::Distance(samples) => cross_validate_distance(samples, &folds, &contender.name)?,
+            // A mean of the method has nothing to say of a method that it has not seen.
+            Source::Means(_) if split == Split::UnseenMaterialAndMethod => return Ok(None),
+            Source::Means(means) => cross_validate_mean(&self.samples, &folds, *means)?,
+            Source::MeanOf(parts) => {
+                let parts: Vec<Vec<f64>> = parts
+                    .iter()
+                    .map(|part| Ok(self.found(part, split)?.score.clone()))
+                    .collect::<Result<_, EvaluationError>>()?;
+                cross_validate_scores(&contender.name, &self.samples, &folds, &mean_of(&parts))?
+            }
+        }))
+    }
+
+    fn folds(&self, samples: &Samples, split: Split) -> Result<Option<Vec<Fold>>, EvaluationError> {
+        let Protocol { folds, method_folds, seed, .. } = self.protocol;
+        Ok(match split {
+            Split::UnseenMaterial => Some(grouped_folds(samples, folds, seed)?),
+            Split::UnseenMaterialAndMethod if families(samples) > 1 => {
+                Some(method_and_group_folds(samples, method_folds, seed)?)
+            }
+            Split::UnseenMaterialType if types(samples) > 1 => Some(material_type_folds(samples)?),
+            _ => None,
+        })
     }
 
     /// Retrains `trainer` on other descriptors; the change is against the contender called `against`, which must be the
@@ -167,8 +187,8 @@ impl Bench {
         let found: Vec<(&str, &Predictions)> = self
             .predictions
             .iter()
-            .filter(|(name, _)| headline.contains(name))
-            .map(|(name, predictions)| (name.as_str(), predictions))
+            .filter(|(name, split, _)| *split == Split::UnseenMaterial && headline.contains(name))
+            .map(|(name, _, predictions)| (name.as_str(), predictions))
             .collect();
         prediction_records(self.samples.rows(), &found)
     }
@@ -213,8 +233,12 @@ impl Bench {
 
     /// What `subject` predicts for rows whose material it has not seen.
     pub fn out_of_fold(&self, subject: &str) -> Result<&Predictions, EvaluationError> {
-        let found = self.predictions.iter().find(|(name, _)| name == subject);
-        found.map(|(_, predictions)| predictions).ok_or_else(|| self.unknown(subject))
+        self.found(subject, Split::UnseenMaterial)
+    }
+
+    fn found(&self, name: &str, split: Split) -> Result<&Predictions, EvaluationError> {
+        let found = self.predictions.iter().find(|(n, s, _)| n == name && *s == split);
+        found.map(|(_, _, predictions)| predictions).ok_or_else(|| self.unknown(name))
     }
 
     fn find(&self, name: &str) -> Result<&JudgedMetric, EvaluationError> {
@@ -225,6 +249,11 @@ impl Bench {
         let judged = self.judged.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ");
         EvaluationError::UnknownMetric { name: name.to_owned(), judged }
     }
+}
+
+fn mean_of(parts: &[Vec<f64>]) -> Vec<f64> {
+    let n = parts.len() as f64;
+    (0..parts.first().map_or(0, Vec::len)).map(|i| parts.iter().map(|p| p[i]).sum::<f64>() / n).collect()
 }
 
 fn families(samples: &Samples) -> usize {

@@ -6,12 +6,12 @@
 use super::TrainError;
 use super::embedding::PrincipalComponents;
 use super::neural::autoencoder::Autoencoder;
+use crate::brdf::BrdfSource;
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
 use crate::descriptor::embedding::{LogSpace, log_map};
 use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Setup};
-use crate::brdf::BrdfSource;
 use ndarray::{Array2, ArrayView2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -107,8 +107,15 @@ impl TableBank {
     }
 
     /// `samples` with columns of an embedding learned without the references of the groups in `held`.
-    fn extend(&self, samples: &Samples, held: &BTreeSet<&str>, learner: Learner, seed: u64) -> Result<Samples, EmbeddingError> {
-        let known = self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
+    fn extend(
+        &self,
+        samples: &Samples,
+        held: &BTreeSet<&str>,
+        learner: Learner,
+        seed: u64,
+    ) -> Result<Samples, EmbeddingError> {
+        let known =
+            self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
         let rows: Vec<&Vec<f64>> = known.chain(&self.others).collect();
         let width = rows.first().map_or(0, |r| r.len());
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.iter().copied()).collect();
@@ -157,24 +164,31 @@ pub struct EmbeddedFolds {
     pub by_method: Vec<Fold>,
 }
 
-/// The folds of [`crate::dataset::split`] with the same `folds` and `seed`, each with the columns of `samples` that `keep`
-/// accepts and those of an embedding learned on its training side.
+/// The folds of [`crate::dataset::split`] with the same numbers (by material, by material within each method family) and
+/// seed, each with the columns of `samples` and those of an embedding learned on its training side.
 pub fn embedded_folds(
     bank: &TableBank,
     samples: &Samples,
     learner: Learner,
-    folds: usize,
+    [folds, method_folds]: [usize; 2],
     seed: u64,
 ) -> Result<EmbeddedFolds, EmbeddingError> {
-    let plain = grouped_folds(samples, folds, seed)?;
     let mut found = EmbeddedFolds { columns: 0, by_material: Vec::new(), by_method: Vec::new() };
-    for (k, fold) in plain.iter().enumerate() {
-        let held: BTreeSet<&str> = fold.held_out.rows().iter().map(|r| r.group.as_str()).collect();
-        let extended = bank.extend(samples, &held, learner, seed)?;
+    for (k, fold) in grouped_folds(samples, folds, seed)?.iter().enumerate() {
+        let extended = bank.extend(samples, &held_groups(fold), learner, seed)?;
         found.columns = extended.columns().len();
         found.by_material.extend(grouped_folds(&extended, folds, seed)?.into_iter().nth(k));
-        let of_this_fold = |f: &Fold| f.held_out.rows().iter().all(|r| held.contains(r.group.as_str()));
-        found.by_method.extend(method_and_group_folds(&extended, folds, seed)?.into_iter().filter(of_this_fold));
+    }
+    // Each method family is left out with the same groups of materials.
+    for fold in &grouped_folds(samples, method_folds, seed)? {
+        let held = held_groups(fold);
+        let extended = bank.extend(samples, &held, learner, seed)?;
+        let of_these = |f: &Fold| f.held_out.rows().iter().all(|r| held.contains(r.group.as_str()));
+        found.by_method.extend(method_and_group_folds(&extended, method_folds, seed)?.into_iter().filter(of_these));
     }
     Ok(found)
+}
+
+fn held_groups(fold: &Fold) -> BTreeSet<&str> {
+    fold.held_out.rows().iter().map(|r| r.group.as_str()).collect()
 }

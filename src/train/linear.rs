@@ -37,7 +37,7 @@ impl ElasticNet {
     }
 
     pub fn mixed() -> Self {
-        Self { penalties: vec![0.001, 0.003, 0.01, 0.03, 0.1], l1_ratio: 0.5 }
+        Self { penalties: vec![0.01, 0.03], l1_ratio: 0.5 }
     }
 }
 

@@ -19,6 +19,9 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+/// Beyond the cores of any one machine; far more threads than cores take minutes to start.
+const MOST_THREADS: usize = 1024;
+
 #[derive(Parser)]
 #[command(name = "vernis", version, about = "How different do two materials look? Perceptual metrics for BRDFs.")]
 struct Cli {
@@ -113,8 +116,8 @@ pub fn run() -> ExitCode {
 
 fn dispatch(cli: Cli) -> Result<()> {
     if let Some(n) = cli.shared.threads {
-        if n == 0 {
-            return Err(user_error("--threads: found 0, allowed 1 or more"));
+        if !(1..=MOST_THREADS).contains(&n) {
+            return Err(user_error(format!("--threads: found {n}, allowed 1 to {MOST_THREADS}")));
         }
         rayon::ThreadPoolBuilder::new().num_threads(n).build_global()?;
     }

@@ -356,8 +356,10 @@ fn an_exported_metric_of_a_newer_format_or_of_damaged_shape_is_refused() {
 #[test]
 fn options_out_of_range_are_refused() {
     let place = Place::new();
-    let message = place.mistake(&["metrics", "--threads", "0"]);
-    assert_says(&message, &["--threads: found 0, allowed 1 or more"]);
+    for threads in ["0", "200000"] {
+        let message = place.mistake(&["metrics", "--threads", threads]);
+        assert_says(&message, &[&format!("--threads: found {threads}, allowed 1 to 1024")]);
+    }
     place.write("file", "");
     let message = place.mistake(&["describe", "ward.json", "--cache", "file/cache"]);
     assert_says(&message, &["file/cache: cache folder: "]);

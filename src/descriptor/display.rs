@@ -59,7 +59,8 @@ impl Displayed {
             let d: Rgb = std::array::from_fn(|c| b.shown[i][c] - a.shown[i][c]);
             squares += w * d.iter().map(|d| d * d).sum::<f64>() / 3.0;
             signed += w * d.iter().sum::<f64>() / 3.0;
-            covariance += w * (a.lightness[i] - a.mean) * (b.lightness[i] - b.mean);
+            // Multiplied in the order of the variance: exactly equal to it for equal pictures.
+            covariance += w * ((a.lightness[i] - a.mean) * (b.lightness[i] - b.mean));
         }
         // The root of a product of variances, not the product of roots: exact where they are equal.
         let product = (a.variance * b.variance).sqrt();

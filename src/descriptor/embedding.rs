@@ -12,6 +12,7 @@
 use super::DescriptorError;
 use super::node_table::{NODES, NodeTable};
 use crate::math::color::luminance;
+use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
 use serde::{Deserialize, Serialize};
 
 const FLOOR: f64 = 1e-3;
@@ -40,22 +41,6 @@ pub fn log_map(table: &NodeTable, space: LogSpace) -> Vec<f64> {
     table.values().iter().flat_map(node).collect()
 }
 
-/// One dense layer: `weights[o * inputs + i]`, `bias[o]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EncoderLayer {
-    pub inputs: usize,
-    pub outputs: usize,
-    pub weights: Vec<f64>,
-    pub bias: Vec<f64>,
-}
-
-impl EncoderLayer {
-    fn apply(&self, x: &[f64]) -> Vec<f64> {
-        let row = |w: &[f64]| -> f64 { w.iter().zip(x).map(|(w, x)| w * x).sum() };
-        self.weights.chunks_exact(self.inputs).zip(&self.bias).map(|(w, b)| row(w) + b).collect()
-    }
-}
-
 /// What an embedding consists of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EmbeddingParts {
@@ -67,7 +52,7 @@ pub struct EmbeddingParts {
     /// Each of [`INPUTS`] numbers.
     pub components: Vec<Vec<f32>>,
     /// None for a PCA.
-    pub layers: Vec<EncoderLayer>,
+    pub layers: Vec<Dense>,
     /// Slope of the leaky ReLU below 0.
     pub slope: f64,
 }
@@ -80,27 +65,25 @@ pub struct Embedding(EmbeddingParts);
 impl Embedding {
     /// Errors: sizes that do not chain, numbers that are not finite.
     pub fn new(parts: EmbeddingParts) -> Result<Self, DescriptorError> {
+        let wrong = |LayerMismatch { what, found, expected }| DescriptorError::Embedding {
+            name: parts.name.clone(),
+            what,
+            found,
+            expected,
+        };
         let size = |what: String, found: usize, expected: usize| {
-            let name = parts.name.clone();
-            if found == expected { Ok(()) } else { Err(DescriptorError::Embedding { name, what, found, expected }) }
+            if found == expected { Ok(()) } else { Err(wrong(LayerMismatch { what, found, expected })) }
         };
         size("length of the mean".into(), parts.mean.len(), INPUTS)?;
         for (k, component) in parts.components.iter().enumerate() {
             size(format!("length of component {k}"), component.len(), INPUTS)?;
         }
-        let mut width = parts.components.len();
-        for (k, layer) in parts.layers.iter().enumerate() {
-            size(format!("inputs of layer {k}"), layer.inputs, width)?;
-            size(format!("weights of layer {k}"), layer.weights.len(), layer.inputs * layer.outputs)?;
-            size(format!("bias of layer {k}"), layer.bias.len(), layer.outputs)?;
-            width = layer.outputs;
-        }
+        let width = check_layers(&parts.layers, parts.components.len()).map_err(wrong)?;
         if width == 0 {
-            let (name, what) = (parts.name.clone(), "coordinates".to_owned());
-            return Err(DescriptorError::Embedding { name, what, found: 0, expected: 1 });
+            return Err(wrong(LayerMismatch { what: "coordinates".into(), found: 0, expected: 1 }));
         }
         let stored = parts.mean.iter().chain(parts.components.iter().flatten()).filter(|v| !v.is_finite()).count();
-        let numbers = parts.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).chain([&parts.slope]);
+        let numbers = parts.layers.iter().flat_map(Dense::numbers).chain([parts.slope]);
         size("numbers that are not finite".into(), stored + numbers.filter(|v| !v.is_finite()).count(), 0)?;
         Ok(Self(parts))
     }
@@ -119,14 +102,8 @@ impl Embedding {
         let x = log_map(table, self.0.space);
         let centred: Vec<f64> = x.iter().zip(&self.0.mean).map(|(x, m)| x - f64::from(*m)).collect();
         let project = |c: &Vec<f32>| -> f64 { c.iter().zip(&centred).map(|(c, x)| f64::from(*c) * x).sum() };
-        let mut z: Vec<f64> = self.0.components.iter().map(project).collect();
-        for (k, layer) in self.0.layers.iter().enumerate() {
-            z = layer.apply(&z);
-            if k + 1 < self.0.layers.len() {
-                z.iter_mut().for_each(|v| *v = v.max(self.0.slope * *v));
-            }
-        }
-        z
+        let z: Vec<f64> = self.0.components.iter().map(project).collect();
+        forward(&self.0.layers, Activation::LeakyRelu { slope: self.0.slope }, &z)
     }
 
     /// Coordinates of the candidate minus those of the reference.
@@ -187,8 +164,8 @@ mod tests {
             assert!((d - expected).abs() < 1e-5, "{d} {expected}");
         }
         assert_eq!(pca.differences(&a, &a), vec![0.0; 3]);
-        let layer = |w: f64, b: f64| EncoderLayer { inputs: 1, outputs: 1, weights: vec![w], bias: vec![b] };
-        let first = EncoderLayer { inputs: 3, outputs: 1, weights: vec![1.0, 0.0, 0.0], bias: vec![0.0] };
+        let layer = |w: f64, b: f64| Dense { inputs: 1, outputs: 1, weights: vec![w], bias: vec![b] };
+        let first = Dense { inputs: 3, outputs: 1, weights: vec![1.0, 0.0, 0.0], bias: vec![0.0] };
         let encoder = Embedding::new(EmbeddingParts { layers: vec![first, layer(2.0, 1.0)], ..parts() }).unwrap();
         // ln(.101) is negative and passes the leaky ReLU with slope .1.
         assert!((encoder.coordinates(&a)[0] - (0.2 * 0.101f64.ln() + 1.0)).abs() < 1e-5);

@@ -3,7 +3,7 @@
 //! The radiance that leaves a shape under fixed light is linear in its BRDF. For pixel p with sub-normals n (unit, viewer
 //! v = (0, 0, 1)) and light cells l:
 //!
-//!   picture[p] = sum_n sum_l E(l) (n.l)^+ domega(l) f(n, l, v) / #n   (the rendering equation, Kajiya 1986,
+//!   picture_p = sum_n sum_l E(l) (n.l)^+ domega(l) f(n, l, v) / #n   (the rendering equation, Kajiya 1986,
 //!   doi:10.1145/15886.15902, without interreflection or shadows),
 //!
 //! and f is read from the table by trilinear interpolation in node coordinates at

@@ -1,10 +1,11 @@
-//! Directions, coordinates, quadrature, colour spaces, correlations and seeds.
+//! Directions, coordinates, colour spaces, correlations, the logistic curve, dense layers and seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
 pub mod color;
 pub mod coordinates;
 pub mod correlation;
+pub mod layers;
 pub mod logistic;
 pub mod seed;
 mod vec3;

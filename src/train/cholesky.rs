@@ -147,8 +147,8 @@ mod tests {
 
     #[test]
     fn a_repeated_row_is_chosen_once() {
-        let x = [0.0, 1.0, 1.0, 2.5];
-        let kernel = Array2::from_shape_fn((4, 4), |(i, j)| (-(x[i] - x[j] as f64).abs()).exp());
+        let x = [0.0f64, 1.0, 1.0, 2.5];
+        let kernel = Array2::from_shape_fn((4, 4), |(i, j)| (-(x[i] - x[j]).abs()).exp());
         assert_eq!(LowRank::new(kernel.view(), 4, 1e-9, &mut crate::math::seed::stream(1, "test", 0)).pivots.len(), 3);
     }
 }

@@ -6,6 +6,7 @@
 
 use super::{Predictor, TrainError, Trainer, check_set};
 use crate::dataset::split::TrainingSet;
+use crate::math::correlation::{pearson, spearman};
 use crate::math::logistic::Logistic4;
 use ndarray::ArrayView2;
 
@@ -69,9 +70,11 @@ impl BestOf {
             let mapped = fit(self.name(), set, column)?;
             let x: Vec<f64> = set.features().column(mapped.index).to_vec();
             let agreement = match self.criterion {
-                Criterion::Srocc => spearman(&x, &mos).abs(),
-                Criterion::Plcc => pearson(&mapped.predict(set.features()), &mos).abs(),
+                Criterion::Srocc => spearman(&x, &mos),
+                Criterion::Plcc => pearson(&mapped.predict(set.features()), &mos),
             };
+            // A column that is the same in every row says nothing.
+            let agreement = agreement.map_or(0.0, f64::abs);
             // Earlier columns win ties.
             if best.as_ref().is_none_or(|b| agreement > b.0) {
                 best = Some((agreement, mapped));
@@ -103,34 +106,4 @@ fn fit(trainer: &str, set: &TrainingSet, column: &str) -> Result<MappedColumn, T
     let map = Logistic4::fit(&set.features().column(index).to_vec(), &set.mos())
         .map_err(|source| TrainError::Logistic { trainer: trainer.to_owned(), column: column.to_owned(), source })?;
     Ok(MappedColumn { column: column.to_owned(), index, map })
-}
-
-fn pearson(x: &[f64], y: &[f64]) -> f64 {
-    let n = x.len() as f64;
-    let (mean_x, mean_y) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
-    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
-    for (x, y) in x.iter().zip(y) {
-        xx += (x - mean_x).powi(2);
-        yy += (y - mean_y).powi(2);
-        xy += (x - mean_x) * (y - mean_y);
-    }
-    if xx > 0.0 && yy > 0.0 { xy / (xx * yy).sqrt() } else { 0.0 }
-}
-
-/// Pearson's correlation of mid-ranks.
-fn spearman(x: &[f64], y: &[f64]) -> f64 {
-    pearson(&ranks(x), &ranks(y))
-}
-
-fn ranks(x: &[f64]) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..x.len()).collect();
-    order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
-    let mut ranks = vec![0.0; x.len()];
-    for tied in order.chunk_by(|&a, &b| x[a] == x[b]) {
-        let smaller = order.partition_point(|&i| x[i] < x[tied[0]]);
-        for &i in tied {
-            ranks[i] = smaller as f64 + (tied.len() - 1) as f64 / 2.0;
-        }
-    }
-    ranks
 }

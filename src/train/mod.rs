@@ -3,7 +3,7 @@
 //! A [`Trainer`] learns from a [`TrainingSet`] alone: standardisation, hyper-parameters, stopping and the map to the
 //! scale of the ratings are all fitted on its rows, choices on its own inner folds. What it returns predicts mean
 //! opinion scores from raw descriptors. The kernel and network trainers also give a portable
-//! [`Regressor`](crate::metric::learned::Regressor), the part of an exported metric that was learned.
+//! [`Regressor`], the part of an exported metric that was learned.
 
 mod cholesky;
 #[cfg(feature = "train")]

@@ -233,27 +233,24 @@ fn empty_variables_mean_nothing_was_given() {
     assert_says(&String::from_utf8_lossy(&output.stdout), &["no data folder"]);
 }
 
-/// A table whose plane G holds something at one cell, in the bytes of its file.
-fn merl_file(place: &Place, name: &str, value: f64) -> Vec<u8> {
-    let table = TabulatedBrdf::tabulate(&Lambert { kd: [0.5; 3] }, Grid::MERL).expect("finite model");
-    merl::write(&place.path(name), &table).expect("writable");
-    let mut bytes = fs::read(place.path(name)).expect("just written");
-    let cell = Grid::MERL.len() + (45 * 90 + 30) * 180 + 77;
-    bytes[12 + 8 * cell..][..8].copy_from_slice(&value.to_le_bytes());
-    bytes
-}
-
 #[test]
 fn damaged_tables_are_named_with_what_is_wrong() {
     let place = Place::new();
-    let good = merl_file(&place, "good.binary", 1.0);
+    let table = TabulatedBrdf::tabulate(&Lambert { kd: [0.5; 3] }, Grid::MERL).expect("finite model");
+    merl::write(&place.path("good.binary"), &table).expect("writable");
+    let good = fs::read(place.path("good.binary")).expect("just written");
+    // Plane G, theta_h 45, theta_d 30, phi_d 77.
+    let with_cell = |value: f64| {
+        let start = 12 + 8 * (Grid::MERL.len() + (45 * 90 + 30) * 180 + 77);
+        [&good[..start], &value.to_le_bytes(), &good[start + 8..]].concat()
+    };
     let mut header = good.clone();
     header[8] = 181;
     let cases: [(&str, &[u8], &[&str]); 5] = [
         ("cut.binary", &good[..good.len() / 2], &["the file has 17496006 bytes", "34992012"]),
         ("long.binary", &[&good[..], &[0]].concat(), &["the file has 34992013 bytes", "34992012"]),
         ("header.binary", &header, &["header says 90x90x181", "90x90x180 or 90x90x360"]),
-        ("nan.binary", &merl_file(&place, "good.binary", f64::NAN), &["G plane", "theta_h 45", "holds NaN", "finite"]),
+        ("nan.binary", &with_cell(f64::NAN), &["G plane", "theta_h 45", "holds NaN", "finite"]),
         ("cut.titopoh", &good[..1000], &["the file has 1000 bytes", "4374000"]),
     ];
     for (name, bytes, parts) in cases {
@@ -262,7 +259,7 @@ fn damaged_tables_are_named_with_what_is_wrong() {
         assert!(message.starts_with(&format!("{name}: ")), "{message}");
         assert_says(&message, parts);
     }
-    place.write("negative.binary", merl_file(&place, "good.binary", -1.0));
+    place.write("negative.binary", with_cell(-1.0));
     place.output(&["compare", "good.binary", "negative.binary", "-m", "D1"]);
 }
 

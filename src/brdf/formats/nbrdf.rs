@@ -3,7 +3,7 @@
 //! f = max(exp(W3 relu(W2 relu(W1 x + b1) + b2) + b3) - 1, 0)
 //!
 //! x: the half vector (x, y, z) and the difference vector (x, y, z) of the pair of directions turned so that
-//! phi_h = 0; W1: 6x21, W2: 21x21, W3: 21x3, stored as [input][output]; f: linear RGB, 1/sr, cosine not included.
+//! phi_h = 0; W1: 6x21, W2: 21x21, W3: 21x3, stored as `[input][output]`; f: linear RGB, 1/sr, cosine not included.
 //! Not reciprocal: the network sees on which side of the half vector the light is.
 //! Source: Sztrajman et al. 2021, section 3, doi:10.1111/cgf.14335.
 //! Cost: 675 multiplications and three exponentials. Thirty-two pairs go through the layers side by side so that the

@@ -2,7 +2,7 @@
 //!
 //! f = (rho_d + rho_s D(theta_h) F(theta_d) G1(theta_i) G1(theta_o) / (cos theta_i cos theta_o)) / pi
 //!
-//! One row of 512 little-endian f32 RGB triples a material: [rho_d][rho_s][D 90][G1 90][F 90], the rest unused; 256
+//! One row of 512 little-endian f32 RGB triples a material: `[rho_d][rho_s][D 90][G1 90][F 90]`, the rest unused; 256
 //! rows, the first 100 in use. D: bin floor(90 sqrt(theta_h / 90 deg)); F: bin floor(theta_d in degrees); G1:
 //! interpolated linearly between the centres of bins of one degree. Dimensionless. Reciprocal.
 //! Source: Bagher et al. 2016, doi:10.1145/2907941; the layout is that of the published file. The division by pi is

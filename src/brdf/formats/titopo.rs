@@ -1,11 +1,9 @@
 //! Titopo: tabulated BRDFs in standard coordinates, the format of the rated approximations.
 //!
-//! `.titopo` has no header: little-endian f32 over [theta_i 0..89 deg][theta_o 0..89 deg][phi_o 0..359 deg][RGB], with
-//! phi_i = 0, sampled at the lower edges of the cells; 34,992,000 bytes. `.titopoh` holds every second sample of each
-//! axis; 4,374,000 bytes. Values are BRDFs (1/sr, cosine not included). Negative and non-finite numbers occur and
+//! `.titopo` has no header: little-endian f32 over `[theta_i 0..89 deg][theta_o 0..89 deg][phi_o 0..359 deg][RGB]`,
+//! with phi_i = 0, sampled at the lower edges of the cells; 34,992,000 bytes. `.titopoh` holds every second sample of
+//! each axis; 4,374,000 bytes. Values are BRDFs (1/sr, cosine not included). Negative and non-finite numbers occur and
 //! mean that nothing is known there; fresh files mark such cells by NaN.
-//!
-//! Source: the data of Lavoue et al. 2021, doi:10.1111/cgf.142636. Cost: one parallel pass over the mapped file.
 
 use super::{extension, map, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};

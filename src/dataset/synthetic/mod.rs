@@ -1,7 +1,7 @@
 //! The embedded study: materials, candidates and ratings made by code, so that a fresh machine without any data can do
 //! the whole job. **Its ratings are simulated: scores on it say nothing about people.**
 //!
-//! [`materials`] are spoilt into [`candidates`]; both are shown on a bumpy ball in a [`studio`]; [`appearance`] says
+//! `materials` are spoilt into `candidates`; both are shown on a bumpy ball in a `studio`; [`appearance`] says
 //! how different the two pictures look; a simulated [`panel`] grades that. Lights, shape, view and colour space are
 //! those of no descriptor, so that a metric has to learn the relation like that to human ratings.
 //!

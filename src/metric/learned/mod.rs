@@ -4,9 +4,9 @@ pub mod exported;
 mod metric;
 mod regressor;
 
+pub use crate::math::layers::{Activation, Dense, forward};
 pub use exported::{ExportedError, ExportedMetric, Score};
 pub use metric::LearnedMetric;
 pub use regressor::{
-    Activation, Dense, Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term,
-    forward, sign_power,
+    Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term, sign_power,
 };

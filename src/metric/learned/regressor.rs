@@ -10,6 +10,7 @@
 //! multiplications.
 
 use crate::dataset::samples::{Column, Role};
+use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -24,6 +25,12 @@ pub enum RegressorError {
     NotPositive { what: String },
     #[error("the regressor has no {what}")]
     Empty { what: &'static str },
+}
+
+impl From<LayerMismatch> for RegressorError {
+    fn from(LayerMismatch { what, found, expected }: LayerMismatch) -> Self {
+        Self::Shape { what, found, expected }
+    }
 }
 
 /// One input of a regressor, in raw units.
@@ -114,51 +121,6 @@ impl Standardizer {
         }
         Ok(())
     }
-}
-
-/// One dense layer: `weights[o * inputs + i]`, `bias[o]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Dense {
-    pub inputs: usize,
-    pub outputs: usize,
-    pub bias: Vec<f64>,
-    pub weights: Vec<f64>,
-}
-
-impl Dense {
-    /// W x + b.
-    pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        self.weights.chunks_exact(self.inputs).zip(&self.bias).map(|(w, b)| b + dot(w, x)).collect()
-    }
-}
-
-/// What follows every layer but the last.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "kind")]
-pub enum Activation {
-    /// max(x, slope x).
-    LeakyRelu { slope: f64 },
-}
-
-impl Activation {
-    pub fn apply(self, x: f64) -> f64 {
-        match self {
-            Activation::LeakyRelu { slope } => x.max(slope * x),
-        }
-    }
-}
-
-/// Layers one after the other, with an activation after each but the last.
-pub fn forward(layers: &[Dense], activation: Activation, x: &[f64]) -> Vec<f64> {
-    let mut x = x.to_vec();
-    for (i, layer) in layers.iter().enumerate() {
-        if i > 0 {
-            x.iter_mut().for_each(|v| *v = activation.apply(*v));
-        }
-        x = layer.apply(&x);
-    }
-    x
 }
 
 /// How a kernel falls off with r = |a - b| / (length sqrt d), d the number of features.
@@ -355,23 +317,16 @@ impl Function {
                 if members.is_empty() {
                     return Err(RegressorError::Empty { what: "network" });
                 }
-                members.iter().try_for_each(|layers| check_layers(layers, features))
+                members.iter().try_for_each(|layers| check_network(layers, features))
             }
         }
     }
 }
 
-fn check_layers(layers: &[Dense], features: usize) -> Result<(), RegressorError> {
-    let mut width = features;
-    for (i, layer) in layers.iter().enumerate() {
-        shape(&format!("inputs of layer {i}"), layer.inputs, width)?;
-        shape(&format!("weights of layer {i}"), layer.weights.len(), layer.inputs.saturating_mul(layer.outputs))?;
-        shape(&format!("bias of layer {i}"), layer.bias.len(), layer.outputs)?;
-        finite(&format!("a weight of layer {i}"), &layer.weights)?;
-        finite(&format!("a bias of layer {i}"), &layer.bias)?;
-        width = layer.outputs;
-    }
-    shape("outputs of the network", if layers.is_empty() { 0 } else { width }, 1)
+fn check_network(layers: &[Dense], features: usize) -> Result<(), RegressorError> {
+    let outputs = check_layers(layers, features)?;
+    shape("outputs of the network", if layers.is_empty() { 0 } else { outputs }, 1)?;
+    layers.iter().enumerate().try_for_each(|(i, layer)| finite_all(&format!("a number of layer {i}"), layer.numbers()))
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -386,7 +341,11 @@ fn shape(what: &str, found: usize, expected: usize) -> Result<(), RegressorError
 }
 
 fn finite(what: &str, values: &[f64]) -> Result<(), RegressorError> {
-    if values.iter().all(|v| v.is_finite()) {
+    finite_all(what, values.iter().copied())
+}
+
+fn finite_all(what: &str, mut values: impl Iterator<Item = f64>) -> Result<(), RegressorError> {
+    if values.all(f64::is_finite) {
         return Ok(());
     }
     Err(RegressorError::NotFinite { what: what.to_owned() })

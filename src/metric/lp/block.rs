@@ -1,11 +1,10 @@
 //! The samples of both BRDFs for one pair of polar angles, and where they come from.
 
 use super::{AZIMUTHS, POLAR};
-use crate::brdf::{Brdf, Grid, TableError, TabulatedBrdf};
-use crate::math::{Rgb, Vec3};
+use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
+use crate::math::Rgb;
 use crate::metric::MetricError;
 use rayon::prelude::*;
-use std::f64::consts::PI;
 
 /// One channel of a block.
 pub(super) type Plane = [f64; AZIMUTHS];
@@ -47,29 +46,6 @@ impl Block {
     }
 }
 
-/// Directions of the cells of [`Grid::TITOPO`] from one table of sines and cosines.
-struct Directions {
-    polar: [(f64, f64); POLAR],
-    azimuth: Vec<(f64, f64)>,
-}
-
-impl Directions {
-    pub fn new() -> Self {
-        let degree = PI / 180.0;
-        let polar = std::array::from_fn(|i| (i as f64 * degree).sin_cos());
-        Self { polar, azimuth: (0..AZIMUTHS).map(|k| (k as f64 * degree).sin_cos()).collect() }
-    }
-
-    fn incident(&self, i: usize) -> Vec3 {
-        Vec3::new(self.polar[i].0, 0.0, self.polar[i].1)
-    }
-
-    fn outgoing(&self, o: usize) -> impl Iterator<Item = Vec3> {
-        let (sin, cos) = self.polar[o];
-        self.azimuth.iter().map(move |&(sin_phi, cos_phi)| Vec3::new(sin * cos_phi, sin * sin_phi, cos))
-    }
-}
-
 /// A BRDF at the cells of [`Grid::TITOPO`].
 pub(super) trait Cells: Send + Sync {
     /// The block at theta_i = `i` degrees, theta_o = `o` degrees.
@@ -99,14 +75,13 @@ impl Cells for TabulatedBrdf {
 struct Evaluated<'a> {
     brdf: &'a dyn Brdf,
     side: &'static str,
-    directions: Directions,
+    directions: GridDirections,
 }
 
 impl Evaluated<'_> {
     /// The values at one block; `None` where the BRDF has no measurement.
     fn evaluate(&self, i: usize, o: usize) -> Result<Vec<Option<Rgb>>, MetricError> {
-        let wi = vec![self.directions.incident(i); AZIMUTHS];
-        let wo: Vec<_> = self.directions.outgoing(o).collect();
+        let (wi, wo): (Vec<_>, Vec<_>) = range(i, o).map(|cell| self.directions.get(cell)).unzip();
         let mut values = vec![None; AZIMUTHS];
         self.brdf.eval_batch(&wi, &wo, &mut values);
         let bad = |value: &Option<Rgb>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
@@ -164,7 +139,7 @@ pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: &'static str) -> Result<Box<dy
     match brdf.as_table() {
         Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table)),
         Some(table) => Ok(Box::new(resampled(table, side)?)),
-        None => Ok(Box::new(Evaluated { brdf, side, directions: Directions::new() })),
+        None => Ok(Box::new(Evaluated { brdf, side, directions: Grid::TITOPO.all_directions() })),
     }
 }
 
@@ -173,7 +148,7 @@ pub(super) fn owned_cells(brdf: &dyn Brdf, side: &'static str) -> Result<Box<dyn
     match brdf.as_table() {
         Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table.clone())),
         Some(table) => Ok(Box::new(resampled(table, side)?)),
-        None => Ok(Box::new(Samples::of(&Evaluated { brdf, side, directions: Directions::new() })?)),
+        None => Ok(Box::new(Samples::of(&Evaluated { brdf, side, directions: Grid::TITOPO.all_directions() })?)),
     }
 }
 
@@ -185,18 +160,6 @@ fn resampled(table: &TabulatedBrdf, side: &'static str) -> Result<TabulatedBrdf,
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn directions_are_those_of_the_grid() {
-        let directions = Directions::new();
-        for (i, o) in [(0, 0), (13, 71), (89, 89)] {
-            for (k, wo) in directions.outgoing(o).enumerate() {
-                let (grid_wi, grid_wo) = Grid::TITOPO.directions((i * POLAR + o) * AZIMUTHS + k);
-                assert!((directions.incident(i) - grid_wi).length() < 1e-15);
-                assert!((wo - grid_wo).length() < 1e-15);
-            }
-        }
-    }
 
     #[test]
     fn a_cell_masked_on_one_side_is_blackened_on_both() {

@@ -8,6 +8,8 @@ use std::sync::Mutex;
 pub struct Bar {
     bar: ProgressBar,
     stage: Mutex<&'static str>,
+    #[cfg(feature = "train")]
+    started: std::time::Instant,
 }
 
 impl Bar {
@@ -16,7 +18,12 @@ impl Bar {
         if let Ok(style) = ProgressStyle::with_template("{msg:24} [{wide_bar}] {pos}/{len}, {eta} left") {
             bar.set_style(style);
         }
-        Self { bar, stage: Mutex::new("") }
+        Self {
+            bar,
+            stage: Mutex::new(""),
+            #[cfg(feature = "train")]
+            started: std::time::Instant::now(),
+        }
     }
 
     /// Reports how far `stage` is. May be called from any thread.
@@ -47,6 +54,10 @@ impl Bar {
     pub fn label(&self, label: &str) {
         self.bar.set_message(label.to_owned());
         self.bar.tick();
+        if self.bar.is_hidden() {
+            // Into a log: which stage, and when.
+            eprintln!("{:6.1} s  {label}", self.started.elapsed().as_secs_f64());
+        }
     }
 
     pub fn finish(&self) {

@@ -27,8 +27,8 @@ use thiserror::Error;
 /// Of files written by this version; older ones keep loading.
 pub const FORMAT: u32 = 1;
 
-/// Significant digits of exported weights: those of an f32 and two more.
-const DIGITS: usize = 9;
+/// Significant digits of exported weights: about those of an f32.
+const DIGITS: usize = 7;
 
 #[derive(Debug, Error)]
 pub enum ExportedError {

@@ -33,6 +33,12 @@ pub trait Brdf: Send + Sync {
         }
     }
 
+    /// Whether the value stays the same when both directions are mirrored at the plane of incidence, phi_d to -phi_d: half
+    /// of a table then tells the other half. Data may be otherwise; formulas of isotropic surfaces are not.
+    fn is_mirror_symmetric(&self) -> bool {
+        false
+    }
+
     /// The table behind this BRDF, if it is one: lets a reader of tables avoid evaluating cell by cell.
     fn as_table(&self) -> Option<&TabulatedBrdf> {
         None

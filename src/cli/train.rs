@@ -1,7 +1,7 @@
 //! `vernis train` and `vernis benchmark`: the main job, from a study to a metric and a report.
 
 use super::progress::Bar;
-use super::{Shared, user_error, workspace};
+use super::{Shared, print, user_error, workspace};
 use crate::brdf::BrdfSource;
 use crate::brdf::formats::materials;
 use crate::dataset::split::TrainingSet;
@@ -40,9 +40,9 @@ pub struct StudyOptions {
     /// Folder for results [default: out/STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folds by material.
-    #[arg(long, default_value_t = 10)]
-    folds: usize,
+    /// Folds by material [default: 10; 5 for the embedded study].
+    #[arg(long, value_name = "N")]
+    folds: Option<usize>,
     /// Bootstrap resamples of materials.
     #[arg(long, default_value_t = 2000)]
     resamples: usize,
@@ -105,8 +105,7 @@ pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
     let path = job.folder.write(&format!("{name}.vernis.json"), metric.to_json()?.as_bytes())?;
     summary(&job, args.options.json)?;
     if !args.options.json {
-        println!("metric: {}", path.display());
-        println!("report: {}", report.display());
+        print(&format!("metric: {}\nreport: {}\n", path.display(), report.display()))?;
     }
     Ok(())
 }
@@ -116,7 +115,7 @@ pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
     let report = write_benchmark(&job.folder, &job.bench.record)?;
     summary(&job, args.options.json)?;
     if !args.options.json {
-        println!("report: {}", report.display());
+        print(&format!("report: {}\n", report.display()))?;
     }
     Ok(())
 }
@@ -124,14 +123,13 @@ pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
 fn summary(job: &Job, json: bool) -> Result<()> {
     let record = &job.bench.record;
     if json {
-        println!("{}", serde_json::to_string_pretty(record)?);
-        return Ok(());
+        return print(&format!("{}\n", serde_json::to_string_pretty(record)?));
     }
-    print!("{}", tables::headline(record).to_text());
+    let mut text = tables::headline(record).to_text();
     if record.synthetic {
-        println!("SYNTHETIC: these ratings come from simulated observers and say nothing about people.");
+        text += "SYNTHETIC: these ratings come from simulated observers and say nothing about people.\n";
     }
-    Ok(())
+    print(&text)
 }
 
 /// The named study, or the open one if it is here, or the embedded one; says which, and how to get the other.
@@ -160,7 +158,8 @@ impl Job {
             return Err(user_error(format!("--resamples: found {}, allowed 2 or more", options.resamples)));
         }
         let study = load_study(shared, options)?;
-        study.validate(options.folds).map_err(user_error)?;
+        let folds = folds_of(options, &study);
+        study.validate(folds).map_err(user_error)?;
         if !study.completeness.is_whole() {
             let c = study.completeness;
             eprintln!("{}: {} of {} rated pairs are here", study.name, c.found, c.known);
@@ -204,7 +203,7 @@ impl Job {
         let compact = samples.select_columns(recipe::uses);
         let others = if study.synthetic { Vec::new() } else { unrated(base)? };
         let bank = TableBank::gather(study, &others, base, cache, setup).map_err(user_error)?;
-        let protocol = protocol(study, options.folds, options.resamples, options.seed);
+        let protocol = protocol(study, folds_of(options, study), options.resamples, options.seed);
         let embedded = [Learner::PrincipalComponents, Learner::Autoencoder]
             .map(|learner| {
                 let folds = [protocol.folds, protocol.method_folds];
@@ -217,6 +216,15 @@ impl Job {
         let bench = run(study, samples, embedded, &protocol, &info, &stage)?;
         Ok((bench, TrainingSet::whole(&compact)))
     }
+}
+
+/// The embedded study is there to show the whole job on any machine, in a minute or two.
+fn default_folds(study: &Study) -> usize {
+    if study.synthetic { 5 } else { 10 }
+}
+
+fn folds_of(options: &StudyOptions, study: &Study) -> usize {
+    options.folds.unwrap_or_else(|| default_folds(study))
 }
 
 /// Measured materials without ratings that the data folder holds.
@@ -234,7 +242,8 @@ fn unrated(data: Option<&Path>) -> Result<Vec<BrdfSource>> {
 fn command_line(command: &str, study: &Study, options: &StudyOptions, setup: &Setup) -> String {
     let name = Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy();
     let mut line = format!("vernis {command} --study {name} --seed {}", options.seed);
-    for (flag, value, default) in [("folds", options.folds, 10), ("resamples", options.resamples, 2000)] {
+    let folds = (folds_of(options, study), default_folds(study));
+    for (flag, (value, default)) in [("folds", folds), ("resamples", (options.resamples, 2000))] {
         if value != default {
             line += &format!(" --{flag} {value}");
         }

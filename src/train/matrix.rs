@@ -141,7 +141,7 @@ impl MatrixBuilder<'_> {
             Some(table) => table,
             None => table.insert(tabulate(reference)?),
         };
-        let distances = LpDistances::between(reference_table, candidate.brdf.as_ref()).map_err(|source| {
+        let distances = LpDistances::of_study_between(reference_table, candidate.brdf.as_ref()).map_err(|source| {
             let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
             MatrixError::Lp { reference, candidate, source }
         })?;

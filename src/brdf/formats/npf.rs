@@ -70,6 +70,10 @@ impl Npf {
 }
 
 impl Brdf for Npf {
+    fn is_mirror_symmetric(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return Some([0.0; 3]);

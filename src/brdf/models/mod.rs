@@ -65,6 +65,10 @@ pub trait AnalyticBrdf: Brdf {
 }
 
 impl<M: AnalyticBrdf> Brdf for M {
+    fn is_mirror_symmetric(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         if wi.z <= 0.0 || wo.z <= 0.0 { Some([0.0; 3]) } else { Some(self.value(wi, wo)) }
     }

@@ -208,6 +208,10 @@ struct Blend {
 }
 
 impl Brdf for Blend {
+    fn is_mirror_symmetric(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         const OFFSET: f64 = 1e-3;
         let (a, b) = (self.from.eval(wi, wo)?, self.to.eval(wi, wo)?);
@@ -226,6 +230,10 @@ struct Noisy {
 }
 
 impl Brdf for Noisy {
+    fn is_mirror_symmetric(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         let f = self.base.eval(wi, wo)?;
         if wi.z <= 0.0 || wo.z <= 0.0 {

@@ -180,6 +180,10 @@ impl Coat {
 }
 
 impl Brdf for Material {
+    fn is_mirror_symmetric(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return Some([0.0; 3]);

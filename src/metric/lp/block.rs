@@ -81,9 +81,13 @@ struct Evaluated<'a> {
 impl Evaluated<'_> {
     /// The values at one block; `None` where the BRDF has no measurement.
     fn evaluate(&self, i: usize, o: usize) -> Result<Vec<Option<Rgb>>, MetricError> {
-        let (wi, wo): (Vec<_>, Vec<_>) = range(i, o).map(|cell| self.directions.get(cell)).unzip();
-        let mut values = vec![None; AZIMUTHS];
+        // Where the two halves of a circle are the same, the first is enough.
+        let half = AZIMUTHS / 2;
+        let evaluated = if self.brdf.is_mirror_symmetric() { half + 1 } else { AZIMUTHS };
+        let (wi, wo): (Vec<_>, Vec<_>) = range(i, o).take(evaluated).map(|cell| self.directions.get(cell)).unzip();
+        let mut values = vec![None; evaluated];
         self.brdf.eval_batch(&wi, &wo, &mut values);
+        values.extend((evaluated..AZIMUTHS).map(|k| values[AZIMUTHS - k]).collect::<Vec<_>>());
         let bad = |value: &Option<Rgb>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
         match values.iter().position(bad) {
             None => Ok(values),

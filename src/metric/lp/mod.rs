@@ -72,6 +72,11 @@ impl LpDistances {
         Self::of_variants(reference, candidate, &LpVariant::every().collect::<Vec<_>>())
     }
 
+    /// The 36 of the study alone, in one pass; errors as [`LpDistances::between`].
+    pub fn of_study_between(reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Self, MetricError> {
+        Self::of_variants(reference, candidate, &LpVariant::of_study().collect::<Vec<_>>())
+    }
+
     /// As [`LpDistances::between`], computing only what `variants` need; the values of others are unspecified.
     pub(in crate::metric) fn of_variants(
         reference: &dyn Brdf,

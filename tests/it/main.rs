@@ -11,5 +11,6 @@ mod lp_golden;
 mod naive_lp;
 mod report;
 mod rooms;
+mod shipped;
 #[cfg(feature = "train")]
 mod train;

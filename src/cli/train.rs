@@ -105,7 +105,7 @@ pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
     let path = job.folder.write(&format!("{name}.vernis.json"), metric.to_json()?.as_bytes())?;
     summary(&job, args.options.json)?;
     if !args.options.json {
-        print(&format!("metric: {}\nreport: {}\n", path.display(), report.display()))?;
+        print(format!("metric: {}\nreport: {}\n", path.display(), report.display()))?;
     }
     Ok(())
 }
@@ -115,7 +115,7 @@ pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
     let report = write_benchmark(&job.folder, &job.bench.record)?;
     summary(&job, args.options.json)?;
     if !args.options.json {
-        print(&format!("report: {}\n", report.display()))?;
+        print(format!("report: {}\n", report.display()))?;
     }
     Ok(())
 }
@@ -123,7 +123,7 @@ pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
 fn summary(job: &Job, json: bool) -> Result<()> {
     let record = &job.bench.record;
     if json {
-        return print(&format!("{}\n", serde_json::to_string_pretty(record)?));
+        return print(format!("{}\n", serde_json::to_string_pretty(record)?));
     }
     let mut text = tables::headline(record).to_text();
     if record.synthetic {

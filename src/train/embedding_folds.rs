@@ -35,6 +35,9 @@ pub enum EmbeddingError {
     Shape { name: &'static str, found: usize, expected: usize },
 }
 
+/// From a table to coordinates.
+type Embed = Box<dyn Fn(&[f64]) -> Vec<f64> + Sync>;
+
 /// How an embedding is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Learner {
@@ -51,7 +54,7 @@ impl Learner {
     }
 
     /// From a table to coordinates, learned on the rows.
-    fn learn(self, rows: &Array2<f64>, seed: u64) -> Result<Box<dyn Fn(&[f64]) -> Vec<f64> + Sync>, TrainError> {
+    fn learn(self, rows: &Array2<f64>, seed: u64) -> Result<Embed, TrainError> {
         match self {
             Self::PrincipalComponents => {
                 let count = DIMENSION.min(rows.nrows().saturating_sub(1)).max(1);

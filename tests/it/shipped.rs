@@ -89,10 +89,8 @@ fn triplets_of_different_materials_are_mostly_answered_as_people_do() {
         answers.zip(votes).step_by(4).filter(|(_, votes)| votes[0] != votes[1]).collect();
     let known: Vec<BrdfFeatures> = order.par_iter().map(|m| features(&format!("merl_nbrdf.zip:{m}"), &data)).collect();
     let pairs: BTreeSet<(usize, usize)> = asked.iter().flat_map(|(t, _)| [(t[0], t[1]), (t[0], t[2])]).collect();
-    let distance: BTreeMap<(usize, usize), f64> = pairs
-        .into_par_iter()
-        .map(|(r, c)| ((r, c), METRIC.score(&known[r], &known[c]).unwrap().distance))
-        .collect();
+    let distance: BTreeMap<(usize, usize), f64> =
+        pairs.into_par_iter().map(|(r, c)| ((r, c), METRIC.score(&known[r], &known[c]).unwrap().distance)).collect();
     let agree = asked
         .iter()
         .filter(|(t, votes)| (distance[&(t[0], t[1])] < distance[&(t[0], t[2])]) == (votes[0] > votes[1]))

@@ -82,10 +82,8 @@ fn matte_and_plastic() -> Vec<Entry> {
         ("clay", "clay", matte([0.48, 0.33, 0.22], 0.35, 0.4)),
         ("paper", "paper", matte([0.74, 0.73, 0.68], 0.2, 0.35)),
         ("soot", "soot", matte([0.018, 0.018, 0.02], 0.5, 0.5)),
-        ("rubber-black", "rubber", plastic([0.025, 0.025, 0.027], 0.28, 0.35)),
-        ("rubber-blue", "rubber", plastic([0.04, 0.08, 0.25], 0.3, 0.3)),
+        ("rubber", "rubber", plastic([0.025, 0.025, 0.027], 0.28, 0.35)),
         ("plastic-red", "plastic-red", plastic([0.48, 0.03, 0.03], 0.07, 0.15)),
-        ("plastic-red-satin", "plastic-red", plastic([0.47, 0.035, 0.03], 0.11, 0.2)),
         ("plastic-green", "plastic-green", plastic([0.05, 0.35, 0.10], 0.14, 0.3)),
         ("plastic-white", "plastic-white", plastic([0.78, 0.78, 0.80], 0.05, 0.1)),
         ("plastic-black", "plastic-black", plastic([0.012, 0.012, 0.012], 0.04, 0.12)),
@@ -97,7 +95,7 @@ fn matte_and_plastic() -> Vec<Entry> {
 
 fn cloths_and_coats() -> Vec<Entry> {
     let body = |kd: Rgb, sigma: f64| matte(kd, sigma, 0.4);
-    let walnut = || bare([0.22, 0.11, 0.05], 0.3, vec![lobe(Beckmann, 0.25, [0.10, 0.06, 0.03], 0.7)]);
+    let walnut = bare([0.22, 0.11, 0.05], 0.3, vec![lobe(Beckmann, 0.25, [0.10, 0.06, 0.03], 0.7)]);
     let pearl = bare(
         [0.5, 0.47, 0.45],
         0.2,
@@ -109,16 +107,14 @@ fn cloths_and_coats() -> Vec<Entry> {
     };
     vec![
         ("linen", "linen", cloth([0.55, 0.50, 0.40], [0.10, 0.10, 0.09], 0.5, 0.1)),
-        ("velvet-red", "velvet", cloth([0.16, 0.01, 0.02], [0.45, 0.08, 0.10], 0.22, 0.25)),
-        ("velvet-blue", "velvet", cloth([0.01, 0.02, 0.14], [0.08, 0.12, 0.45], 0.25, 0.25)),
+        ("velvet", "velvet", cloth([0.16, 0.01, 0.02], [0.45, 0.08, 0.10], 0.22, 0.25)),
         ("felt", "felt", cloth([0.30, 0.32, 0.30], [0.20, 0.20, 0.20], 0.6, 0.15)),
         ("denim", "denim", cloth([0.05, 0.09, 0.20], [0.10, 0.12, 0.16], 0.4, 0.1)),
         ("peach", "peach", cloth([0.62, 0.32, 0.20], [0.28, 0.22, 0.18], 0.3, 0.2)),
         ("lacquer-red", "lacquer-red", lacquer(body([0.45, 0.05, 0.03], 0.2), 0.02, [0.0, 0.05, 0.08])),
         ("lacquer-black", "lacquer-black", lacquer(body([0.02, 0.02, 0.02], 0.1), 0.03, [0.0; 3])),
         ("amber-varnish", "amber-varnish", lacquer(body([0.60, 0.50, 0.38], 0.3), 0.06, [0.05, 0.25, 0.70])),
-        ("walnut-oiled", "walnut", lacquer(walnut(), 0.2, [0.02, 0.06, 0.12])),
-        ("walnut-polished", "walnut", lacquer(walnut(), 0.04, [0.02, 0.06, 0.12])),
+        ("walnut", "walnut", lacquer(walnut, 0.2, [0.02, 0.06, 0.12])),
         ("ivory", "ivory", lacquer(body([0.70, 0.64, 0.50], 0.15), 0.1, [0.0, 0.02, 0.06])),
         ("pearl", "pearl", lacquer(pearl, 0.05, [0.0; 3])),
         ("road-sign", "road-sign", sign),
@@ -133,7 +129,6 @@ fn metals() -> Vec<Entry> {
         ("gold-polished", "gold", metal(gold, Ggx, 0.05, 0.08)),
         ("gold-brushed", "gold", metal(gold, Beckmann, 0.22, 0.25)),
         ("copper", "copper", metal(copper, Ggx, 0.12, 0.2)),
-        ("copper-dull", "copper", metal(copper.map(|c| 0.7 * c), Beckmann, 0.35, 0.3)),
         ("silver", "silver", metal(silver, Beckmann, 0.06, 0.15)),
         ("chrome", "chrome", metal([0.55, 0.556, 0.554], Ggx, 0.02, 0.03)),
         ("steel-ground", "steel", metal(steel, LongTail, 0.16, 0.2)),
@@ -166,7 +161,7 @@ mod tests {
     #[test]
     fn names_are_unique_and_groups_many() {
         let all = all();
-        assert_eq!(all.len(), 48);
+        assert_eq!(all.len(), 43);
         assert_eq!(all.iter().map(|m| m.name).collect::<BTreeSet<_>>().len(), all.len());
         assert!(all.iter().map(|m| m.group).collect::<BTreeSet<_>>().len() >= 40);
         assert!(all.iter().filter(|m| m.metal).count() >= 12);

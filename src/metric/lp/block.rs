@@ -9,6 +9,9 @@ use rayon::prelude::*;
 /// One channel of a block.
 pub(super) type Plane = [f64; AZIMUTHS];
 
+/// Azimuths of a folded plane that stand for two: all but 0 and 180 degrees, and one black cell.
+pub(super) const FOLDED_TWICE: usize = AZIMUTHS / 2;
+
 /// The values of a BRDF at one (theta_i, theta_o) and all azimuth differences, one plane a channel.
 #[derive(Clone)]
 pub(super) struct Block {
@@ -28,6 +31,17 @@ impl Block {
             (red[k], green[k], blue[k]) = (value[0].into(), value[1].into(), value[2].into());
         }
         self.valid.copy_from_slice(valid);
+    }
+
+    /// Moves the azimuths 1 to 179 to the front, where [`FOLDED_TWICE`] cells count twice, and 0 and 180 degrees behind
+    /// them. Black cells fill the gaps: equal in both blocks, they add exactly zero.
+    pub fn fold(&mut self) {
+        for plane in &mut self.rgb {
+            let (front, back) = (plane[0], plane[AZIMUTHS / 2]);
+            plane.copy_within(1..AZIMUTHS / 2, 0);
+            plane[FOLDED_TWICE - 1] = 0.0;
+            plane[FOLDED_TWICE..FOLDED_TWICE + 4].copy_from_slice(&[front, back, 0.0, 0.0]);
+        }
     }
 
     /// Blackens the cells that are invalid in either block, in both, and counts the others. Equal values add
@@ -50,6 +64,9 @@ impl Block {
 pub(super) trait Cells: Send + Sync {
     /// The block at theta_i = `i` degrees, theta_o = `o` degrees.
     fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError>;
+
+    /// Whether every block is its own mirror image, azimuth k the same as 360 - k.
+    fn is_mirror_symmetric(&self) -> bool;
 }
 
 fn range(i: usize, o: usize) -> std::ops::Range<usize> {
@@ -61,12 +78,20 @@ impl<C: Cells> Cells for &C {
     fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
         (**self).read(i, o, block)
     }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        (**self).is_mirror_symmetric()
+    }
 }
 
 impl Cells for TabulatedBrdf {
     fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
         block.set(&self.values()[range(i, o)], &self.valid()[range(i, o)]);
         Ok(())
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        false
     }
 }
 
@@ -111,12 +136,17 @@ impl Cells for Evaluated<'_> {
         }
         Ok(())
     }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        self.brdf.is_mirror_symmetric()
+    }
 }
 
 /// A BRDF that has been evaluated once, to be compared many times.
 struct Samples {
     values: Vec<Rgb>,
     valid: Vec<bool>,
+    mirror_symmetric: bool,
 }
 
 impl Samples {
@@ -127,6 +157,7 @@ impl Samples {
         Ok(Self {
             values: cells().map(|value| value.unwrap_or_default()).collect(),
             valid: cells().map(Option::is_some).collect(),
+            mirror_symmetric: brdf.brdf.is_mirror_symmetric(),
         })
     }
 }
@@ -135,6 +166,10 @@ impl Cells for Samples {
     fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
         block.set(&self.values[range(i, o)], &self.valid[range(i, o)]);
         Ok(())
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        self.mirror_symmetric
     }
 }
 

@@ -2,9 +2,9 @@
 //!
 //! Loops run over fixed groups of [`LANES`] azimuths with one partial sum a lane, so that the order of additions, and
 //! with it every bit of the result, is the same whatever the instruction set. Two BRDFs that are their own mirror images
-//! at the plane of incidence are folded ([`Block::fold`]): half the cells, counted twice.
+//! at the plane of incidence are folded ([`Extent::FOLDED`]): half the cells, counted twice.
 
-use super::block::{Block, FOLDED_TWICE, Plane};
+use super::block::{Block, Extent, Plane};
 use super::elementary::{abs_ln_ratio, cbrt, cbrt_of_square};
 use super::variant::{Formula, LpVariant};
 use super::{AZIMUTHS, EPSILON, POLAR, POLAR_CLAMPED};
@@ -97,18 +97,6 @@ pub(super) struct Workspace {
     terms: Plane,
 }
 
-/// The cells of a plane that count, the first of them twice. Both numbers are multiples of [`LANES`].
-#[derive(Debug, Clone, Copy)]
-struct Extent {
-    doubled: usize,
-    cells: usize,
-}
-
-impl Extent {
-    const WHOLE: Self = Self { doubled: 0, cells: AZIMUTHS };
-    const FOLDED: Self = Self { doubled: FOLDED_TWICE, cells: FOLDED_TWICE + LANES };
-}
-
 impl Workspace {
     pub fn new() -> Box<Self> {
         let (reference, candidate) = (Block::new(), Block::new());
@@ -117,18 +105,7 @@ impl Workspace {
 
     /// The sums of the two blocks as they are and of their cube roots, `cosine` being c(theta_i, theta_o) of the
     /// logarithms.
-    pub fn sums(&mut self, cosine: f64, work: &Work) -> [BlockSums; 2] {
-        self.dispatch(Extent::WHOLE, cosine, work)
-    }
-
-    /// [`Workspace::sums`] of two blocks that are both their own mirror images, at half the cost. Folds the blocks.
-    pub fn sums_of_mirrored(&mut self, cosine: f64, work: &Work) -> [BlockSums; 2] {
-        self.reference.fold();
-        self.candidate.fold();
-        self.dispatch(Extent::FOLDED, cosine, work)
-    }
-
-    fn dispatch(&mut self, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    pub fn sums(&mut self, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the function is safe but for its need of AVX2, which the processor has.
@@ -183,7 +160,8 @@ fn sums(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [Blo
         colour_coordinates(blocks, colours, extent, |rgb| study_lab(rgb, &STUDY_XYZ));
         sums[0].study_lab = colour_squares(colours, terms, extent, |component| component);
         if work.needs(1, Group::StudyLab) {
-            sums[1].study_lab = colour_squares(colours, terms, extent, |component| cbrt(component.abs()).copysign(component));
+            sums[1].study_lab =
+                colour_squares(colours, terms, extent, |component| cbrt(component.abs()).copysign(component));
         }
     }
     sums
@@ -332,7 +310,7 @@ mod tests {
                 plane.iter_mut().for_each(|x| *x = 10f64.powf(rng.random_range(-6.0..5.0)));
             }
             for extent in [Extent::WHOLE, Extent::FOLDED] {
-                assert_eq!(space.dispatch(extent, cosine, &work), sums(&mut space, extent, cosine, &work));
+                assert_eq!(space.sums(extent, cosine, &work), sums(&mut space, extent, cosine, &work));
             }
         }
     }

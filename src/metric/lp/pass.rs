@@ -1,6 +1,6 @@
 //! The one pass over two BRDFs: blocks in parallel rows, added up in a fixed order.
 
-use super::block::Cells;
+use super::block::{Cells, Extent};
 use super::kernel::{BlockSums, Work, Workspace};
 use super::variant::{Formula, LpVariant};
 use super::{EPSILON, POLAR, POLAR_CLAMPED};
@@ -77,19 +77,16 @@ fn row(reference: &dyn Cells, candidate: &dyn Cells, work: &Work, i: usize) -> R
     let mut space = Workspace::new();
     let mut sums = Sums::default();
     let mirrored = reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
+    let extent = if mirrored { Extent::FOLDED } else { Extent::WHOLE };
     for o in 0..work.limit {
         if o == POLAR_CLAMPED && i < POLAR_CLAMPED {
             sums.clamped = sums.all.clone();
         }
-        reference.read(i, o, &mut space.reference)?;
-        candidate.read(i, o, &mut space.candidate)?;
+        reference.read(i, o, extent, &mut space.reference)?;
+        candidate.read(i, o, extent, &mut space.candidate)?;
         let weights = Weights::at(i, o);
-        sums.all.cells += space.reference.mask(&mut space.candidate);
-        let blocks = match mirrored {
-            true => space.sums_of_mirrored(weights.cosine, work),
-            false => space.sums(weights.cosine, work),
-        };
-        for (terms, block) in sums.all.terms.iter_mut().zip(blocks) {
+        sums.all.cells += space.reference.mask(&mut space.candidate, extent);
+        for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(extent, weights.cosine, work)) {
             weights.add(&block, terms);
         }
     }
@@ -162,7 +159,8 @@ mod tests {
         let candidate = Ward::new([0.2, 0.1, 0.05], [0.1; 3], 0.15, WardForm::Ward).unwrap();
         let work = Work::for_variants(LpVariant::every());
         let sums = |reference: &dyn Brdf, candidate: &dyn Brdf| {
-            let (reference, candidate) = (cells(reference, "reference").unwrap(), cells(candidate, "candidate").unwrap());
+            let (reference, candidate) =
+                (cells(reference, "reference").unwrap(), cells(candidate, "candidate").unwrap());
             Sums::over(&*reference, &*candidate, &work).unwrap()
         };
         let folded = sums(&reference, &candidate);

@@ -44,7 +44,7 @@ pub struct Candidate {
 }
 
 /// Part of every content hash: goes up when the formulas of this folder change a value.
-const VERSION: &str = "vernis synthetic 1";
+const VERSION: &str = "vernis synthetic 2";
 
 impl Recipe {
     /// The BRDF under `name`, as `BrdfSource::Generated` wants it.
@@ -197,18 +197,32 @@ struct Blend {
     t: f64,
 }
 
+impl Blend {
+    fn between(&self, a: Rgb, b: Rgb) -> Rgb {
+        const OFFSET: f64 = 1e-3;
+        std::array::from_fn(|c| {
+            let ratio = (b[c] + OFFSET) / (a[c] + OFFSET);
+            ((a[c] + OFFSET) * ratio.powf(self.t) - OFFSET).max(0.0)
+        })
+    }
+}
+
 impl Brdf for Blend {
     fn is_mirror_symmetric(&self) -> bool {
         true
     }
 
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
-        const OFFSET: f64 = 1e-3;
-        let (a, b) = (self.from.eval(wi, wo)?, self.to.eval(wi, wo)?);
-        Some(std::array::from_fn(|c| {
-            let ratio = (b[c] + OFFSET) / (a[c] + OFFSET);
-            ((a[c] + OFFSET) * ratio.powf(self.t) - OFFSET).max(0.0)
-        }))
+        Some(self.between(self.from.eval(wi, wo)?, self.to.eval(wi, wo)?))
+    }
+
+    fn eval_batch(&self, wi: &[Vec3], wo: &[Vec3], out: &mut [Option<Rgb>]) {
+        let mut to = vec![None; out.len()];
+        self.from.eval_batch(wi, wo, out);
+        self.to.eval_batch(wi, wo, &mut to);
+        for (out, to) in out.iter_mut().zip(to) {
+            *out = out.zip(to).map(|(a, b)| self.between(a, b));
+        }
     }
 }
 

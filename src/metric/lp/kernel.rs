@@ -3,6 +3,9 @@
 //! Loops run over fixed groups of [`LANES`] azimuths with one partial sum a lane, so that the order of additions, and
 //! with it every bit of the result, is the same whatever the instruction set. Two BRDFs that are their own mirror images
 //! at the plane of incidence are folded ([`Extent::FOLDED`]): half the cells, counted twice.
+//!
+//! Colour spaces are chosen by constants and not passed as closures: one that the compiler leaves out of line would be
+//! compiled without AVX2, at five times the cost.
 
 use super::block::{Block, Extent, Plane};
 use super::elementary::{abs_ln_ratio, cbrt, cbrt_of_square};
@@ -106,24 +109,33 @@ impl Workspace {
     /// The sums of the two blocks as they are and of their cube roots, `cosine` being c(theta_i, theta_o) of the
     /// logarithms.
     pub fn sums(&mut self, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
+        match extent == Extent::FOLDED {
+            true => self.sums_of::<true>(cosine, work),
+            false => self.sums_of::<false>(cosine, work),
+        }
+    }
+
+    fn sums_of<const FOLDED: bool>(&mut self, cosine: f64, work: &Work) -> [BlockSums; 2] {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the function is safe but for its need of AVX2, which the processor has.
-            return unsafe { sums_avx2(self, extent, cosine, work) };
+            return unsafe { sums_avx2::<FOLDED>(self, cosine, work) };
         }
-        sums(self, extent, cosine, work)
+        sums::<FOLDED>(self, cosine, work)
     }
 }
 
 /// The very code of [`sums`]; the attribute lets the compiler use registers of four f64.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn sums_avx2(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
-    sums(space, extent, cosine, work)
+fn sums_avx2<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    sums::<FOLDED>(space, cosine, work)
 }
 
 #[inline(always)]
-fn sums(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
+fn sums<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    // A constant, so that every loop has a known length.
+    let extent = if FOLDED { Extent::FOLDED } else { Extent::WHOLE };
     let Workspace { reference, candidate, roots, colours, terms } = space;
     let blocks = [&reference.rgb, &candidate.rgb];
     let mut sums = [BlockSums::default(); 2];
@@ -152,16 +164,15 @@ fn sums(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [Blo
             }
         }
         if work.needs(form, Group::Lab) {
-            colour_coordinates([reference, candidate], colours, extent, |rgb| cielab(rgb, relative_xyz));
-            sums[form].lab = colour_squares(colours, terms, extent, |component| component);
+            colour_coordinates::<false>([reference, candidate], colours, extent, relative_xyz);
+            sums[form].lab = colour_squares::<false>(colours, terms, extent);
         }
     }
     if work.needs(0, Group::StudyLab) || work.needs(1, Group::StudyLab) {
-        colour_coordinates(blocks, colours, extent, |rgb| study_lab(rgb, &STUDY_XYZ));
-        sums[0].study_lab = colour_squares(colours, terms, extent, |component| component);
+        colour_coordinates::<true>(blocks, colours, extent, &STUDY_XYZ);
+        sums[0].study_lab = colour_squares::<false>(colours, terms, extent);
         if work.needs(1, Group::StudyLab) {
-            sums[1].study_lab =
-                colour_squares(colours, terms, extent, |component| cbrt(component.abs()).copysign(component));
+            sums[1].study_lab = colour_squares::<true>(colours, terms, extent);
         }
     }
     sums
@@ -171,17 +182,19 @@ fn sums(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [Blo
 #[inline(always)]
 fn sum(plane: &Plane, extent: Extent, term: impl Fn(f64) -> f64) -> f64 {
     let mut lanes = [0.0; LANES];
-    let mut add = |cells: &[f64]| {
-        for group in cells.as_chunks::<LANES>().0 {
-            for (lane, value) in lanes.iter_mut().zip(group) {
-                *lane += term(*value);
-            }
-        }
-    };
-    add(&plane[..extent.doubled]);
-    add(&plane[..extent.cells]);
+    add_to(&mut lanes, &plane[..extent.doubled], &term);
+    add_to(&mut lanes, &plane[..extent.cells], &term);
     // The halves of a register first.
     (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])
+}
+
+#[inline(always)]
+fn add_to(lanes: &mut [f64; LANES], cells: &[f64], term: &impl Fn(f64) -> f64) {
+    for group in cells.as_chunks::<LANES>().0 {
+        for (lane, value) in lanes.iter_mut().zip(group) {
+            *lane += term(*value);
+        }
+    }
 }
 
 #[inline(always)]
@@ -208,32 +221,40 @@ fn cube_roots(from: [&Planes; 2], to: &mut [Planes; 2], extent: Extent) {
     }
 }
 
-/// `coordinates` of every cell of both blocks.
+/// The colour coordinates of every cell of both blocks: of the study, or of CIELAB.
 #[inline(always)]
-fn colour_coordinates(
+fn colour_coordinates<const OF_STUDY: bool>(
     from: [&Planes; 2],
     to: &mut [Planes; 2],
     extent: Extent,
-    coordinates: impl Fn([f64; 3]) -> [f64; 3],
+    relative_xyz: &[[f64; 3]; 3],
 ) {
-    for ([red, green, blue], [x, y, z]) in from.into_iter().zip(to) {
-        for k in 0..extent.cells {
-            [x[k], y[k], z[k]] = coordinates([red[k], green[k], blue[k]]);
+    let n = extent.cells;
+    for (from, to) in from.into_iter().zip(to) {
+        // Slices of one length, so that no index below needs a check.
+        let [red, green, blue] = from.each_ref().map(|plane| &plane[..n]);
+        let [x, y, z] = to.each_mut().map(|plane| &mut plane[..n]);
+        for k in 0..n {
+            let rgb = [red[k], green[k], blue[k]];
+            [x[k], y[k], z[k]] = if OF_STUDY { study_lab(rgb, relative_xyz) } else { cielab(rgb, relative_xyz) };
         }
     }
 }
 
-/// Sums of the squared differences of the three colour coordinates, each passed through `curve`.
+/// Sums of the squared differences of the three colour coordinates, or of their signed cube roots.
 #[inline(always)]
-fn colour_squares(
+fn colour_squares<const OF_ROOTS: bool>(
     [reference, candidate]: &[Planes; 2],
     terms: &mut Plane,
     extent: Extent,
-    curve: impl Fn(f64) -> f64,
 ) -> [f64; 3] {
+    let signed_cbrt = |x: f64| cbrt(x.abs()).copysign(x);
     let mut squares = [0.0; 3];
     for ((square, r), a) in squares.iter_mut().zip(reference).zip(candidate) {
-        cellwise(r, a, terms, extent, |r, a| curve(a) - curve(r));
+        match OF_ROOTS {
+            true => cellwise(r, a, terms, extent, |r, a| signed_cbrt(a) - signed_cbrt(r)),
+            false => cellwise(r, a, terms, extent, |r, a| a - r),
+        }
         *square = sum_of_squares(terms, extent);
     }
     squares
@@ -309,9 +330,8 @@ mod tests {
             for plane in space.reference.rgb.iter_mut().chain(&mut space.candidate.rgb) {
                 plane.iter_mut().for_each(|x| *x = 10f64.powf(rng.random_range(-6.0..5.0)));
             }
-            for extent in [Extent::WHOLE, Extent::FOLDED] {
-                assert_eq!(space.sums(extent, cosine, &work), sums(&mut space, extent, cosine, &work));
-            }
+            assert_eq!(space.sums(Extent::WHOLE, cosine, &work), sums::<false>(&mut space, cosine, &work));
+            assert_eq!(space.sums(Extent::FOLDED, cosine, &work), sums::<true>(&mut space, cosine, &work));
         }
     }
 }

@@ -9,16 +9,14 @@
 //! | WRONG-LOBE | WRONG-LOBE | another distribution of the same width at half maximum |
 //! | NOISE | NOISE | times exp(smooth noise over half/difference angles) |
 //! | STEP.1, STEP.2 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .5 |
-//! | WARD | WARD | a diffuse and a specular lobe of that model, refitted to peak, width and floor |
 //!
 //! Strengths are drawn from a fixed stream, so the candidates are always the same.
 
 use super::materials::NamedMaterial;
 use super::reflectance::{Distribution, Lobe, Material};
-use crate::brdf::models::{ModelError, Ward, WardForm};
+use crate::brdf::models::ModelError;
 use crate::brdf::{Brdf, ContentHash, OpenBrdf};
-use crate::math::color::luminance;
-use crate::math::coordinates::{HalfDifference, fold_reciprocal, half_difference, half_difference_directions};
+use crate::math::coordinates::{fold_reciprocal, half_difference};
 use crate::math::{Rgb, Vec3, seed};
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
@@ -32,7 +30,6 @@ pub enum Recipe {
     Material(Material),
     Noisy { base: Material, amplitude: f64, seed: u64 },
     Blend { from: Material, to: Material, t: f64 },
-    Ward { kd: Rgb, ks: Rgb, alpha: f64 },
 }
 
 /// A candidate with its method and the method's family.
@@ -60,7 +57,6 @@ impl Recipe {
             Self::Material(m) => Arc::new(m),
             Self::Noisy { base, amplitude, seed } => Arc::new(Noisy { base, amplitude, lattice: Lattice::new(seed) }),
             Self::Blend { from, to, t } => Arc::new(Blend { from, to, t }),
-            Self::Ward { kd, ks, alpha } => Arc::new(Ward::new(kd, ks, alpha, WardForm::Duer)?),
         })
     }
 }
@@ -87,7 +83,6 @@ pub fn of(reference: &NamedMaterial, target: &Material, rng: &mut ChaCha8Rng) ->
     for (method, t) in [("STEP.1", 0.06), ("STEP.2", 0.5)] {
         all.push(made(method, "STEPS", Recipe::Blend { from: m.clone(), to: target.clone(), t }));
     }
-    all.push(made("WARD", "WARD", Profile::of(m).ward()));
     all
 }
 
@@ -155,39 +150,6 @@ fn other_lobe(m: &Material) -> Material {
         Lobe { distribution, alpha, ..l.clone() }
     };
     Material { lobes: m.lobes.iter().map(swapped).collect(), ..m.clone() }
-}
-
-/// What a one-lobe model is fitted to: values of the material with theta_d near 0.
-struct Profile {
-    /// Diffuse albedo: pi times the value at theta_h = 60 degrees.
-    kd: Rgb,
-    /// Value at theta_h = 0 above the diffuse floor, 1/sr.
-    peak: Rgb,
-    /// tan of the angle at which the luminance above the floor has fallen to a half.
-    half_width: f64,
-}
-
-impl Profile {
-    fn of(m: &Material) -> Self {
-        let value = |theta_h: f64| {
-            let (wi, wo) = half_difference_directions(HalfDifference { theta_h, theta_d: 0.05, phi_d: PI / 2.0 });
-            m.eval(wi, wo).unwrap_or_default()
-        };
-        let floor = value(PI / 3.0);
-        let top = value(0.0);
-        let above = |v: Rgb| -> Rgb { std::array::from_fn(|c| (v[c] - floor[c]).max(0.0)) };
-        let half = 0.5 * luminance(above(top));
-        // Angles spaced by the square: fine where lobes are narrow.
-        let angle = |row: i32| PI / 3.0 * (f64::from(row) / 2000.0).powi(2);
-        let row = (1..2000).find(|&row| luminance(above(value(angle(row)))) <= half).unwrap_or(2000);
-        let half_width = angle(row).tan().max(0.005);
-        Self { kd: floor.map(|f| (f * PI).min(1.0)), peak: above(top), half_width }
-    }
-
-    fn ward(&self) -> Recipe {
-        let alpha = (self.half_width / 2f64.ln().sqrt()).clamp(1e-3, 2.0);
-        Recipe::Ward { kd: self.kd, ks: self.peak.map(|p| (p * 4.0 * PI * alpha * alpha).min(10.0)), alpha }
-    }
 }
 
 /// Geometric blend of two materials, offset so that black stays finite.
@@ -334,17 +296,5 @@ mod tests {
         let blend = Blend { from: m.clone(), to: materials::all()[9].material.clone(), t: 0.0 };
         let (a, b) = (blend.eval(wi, wo).unwrap(), m.eval(wi, wo).unwrap());
         assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-12));
-    }
-
-    #[test]
-    fn a_refit_of_a_single_beckmann_lobe_keeps_peak_and_width() {
-        let lobe = Lobe { distribution: Distribution::Beckmann, alpha: 0.1, f0: [0.04; 3], fresnel: 1.0, weight: 1.0 };
-        let m = Material { kd: [0.3; 3], sigma: 0.0, lobes: vec![lobe], sheen: None, retro: None, coat: None };
-        // D F V at normal incidence: .04/(4 pi alpha^2) = ks/(4 pi alpha^2).
-        let Recipe::Ward { kd, ks, alpha } = Profile::of(&m).ward() else { panic!("a Ward model") };
-        assert!(
-            (kd[0] - 0.3).abs() < 1e-3 && (ks[0] - 0.04).abs() < 2e-3 && (alpha - 0.1).abs() < 3e-3,
-            "{ks:?} {alpha}"
-        );
     }
 }

@@ -30,7 +30,7 @@ pub const NAME: &str = "synthetic";
 /// One line for lists.
 pub const TITLE: &str = "embedded synthetic study: simulated observers, says nothing about people";
 /// Rated pairs.
-pub const PAIRS: usize = 389;
+pub const PAIRS: usize = 349;
 /// Seed of the panel of the study that [`Study::load`] gives.
 pub const SEED: u64 = 0;
 

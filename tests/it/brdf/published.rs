@@ -91,9 +91,12 @@ fn median(mut values: Vec<f64>) -> f64 {
     0.5 * (values[n / 2] + values[(n - 1) / 2])
 }
 
-/// Median distance to the networks that stand in for the measured materials, from a reconstruction of the published
-/// models on the full grid: .20, .32, .33, .48, .49, .49, given to two digits. The tolerance is that rounding (.005) plus
-/// what the coarser grid does to a median: .009 for the factors, whose full grid gives .3405 here, allowed .015.
+/// Median distance to the networks that stand in for the measured materials.
+///
+/// The first six are from a reconstruction of the published models on the full grid, given to two digits. The tolerance
+/// is that rounding (.005) plus what the coarser grid does to a median: .009 for the factors, whose full grid gives .3405
+/// here, allowed .015. The others were measured with this code, so they only hold the reading of the parameters fast: a
+/// factor of pi before the lobe moves those of Cook-Torrance and Ashikhmin-Shirley by .09 at the least.
 #[test]
 fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
     let Some(data) = data() else { return };
@@ -104,6 +107,14 @@ fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
         ("ngan_ward.fit", 86, 0.48),
         ("ngan_blinnphong.fit", 86, 0.49),
         ("ngan_lafortune.fit", 86, 0.49),
+        ("ngan_wardduer.fit", 86, 0.46),
+        ("ngan_cooktorrance.fit", 86, 0.41),
+        ("ngan_ashikhminshirley.fit", 86, 0.395),
+        ("low_cooktorrance_E1.fit", 100, 0.39),
+        ("low_cooktorrance_E2.fit", 100, 0.33),
+        ("low_ashikhminshirley_E1.fit", 100, 0.39),
+        ("low_ashikhminshirley_E2.fit", 100, 0.34),
+        ("low_lowsmooth_E2.fit", 100, 0.22),
     ] {
         let folder = if file == "npf.bin" { "bagher2016-npf" } else { "published-fits" };
         let materials = formats::materials(&data.join(folder).join(file)).expect("materials of a published file");
@@ -186,6 +197,13 @@ fn every_published_entry_opens_and_gives_a_table_without_gaps() {
         ("published-fits", "ngan_wardduer.fit"),
         ("published-fits", "ngan_blinnphong.fit"),
         ("published-fits", "ngan_lafortune.fit"),
+        ("published-fits", "ngan_cooktorrance.fit"),
+        ("published-fits", "ngan_ashikhminshirley.fit"),
+        ("published-fits", "low_cooktorrance_E1.fit"),
+        ("published-fits", "low_cooktorrance_E2.fit"),
+        ("published-fits", "low_ashikhminshirley_E1.fit"),
+        ("published-fits", "low_ashikhminshirley_E2.fit"),
+        ("published-fits", "low_lowsmooth_E2.fit"),
         ("bagher2016-npf", "npf.bin"),
     ] {
         let materials = formats::materials(&data.join(folder).join(file)).expect("materials");

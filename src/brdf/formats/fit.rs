@@ -6,7 +6,7 @@
 //! | in the file | model | source |
 //! | --- | --- | --- |
 //! | `NganWard`, `NganWardDuer`, `NganBlinnPhong`, `NganLafortune` | `ward`, `ward-duer`, `blinn-phong`, `lafortune` | Ngan et al. 2005, doi:10.2312/EGWR/EGSR05/117-126 |
-//! | `NganCookTorrance`, `NganAshikhminShirley` | `cook-torrance`, `ashikhmin-shirley` | the same |
+//! | `NganCookTorrance`, `NganAshikhminShirley`, `NganHe` | `cook-torrance`, `ashikhmin-shirley`, `he` | the same |
 //! | `LowCookTorrance`, `LowAshikhminShirley` | `cook-torrance-dielectric`, `ashikhmin-shirley-dielectric` | Loew et al. 2012 |
 //! | `LowMicrofacetFit`, `LowSmooth` | `abc`, `abc-smooth` | Loew et al. 2012, doi:10.1145/2077341.2077350 |
 //! | `Bagher` | `sgd` | Bagher et al. 2012, doi:10.1111/j.1467-8659.2012.03147.x |
@@ -30,7 +30,7 @@ struct Mapping {
     fields: &'static [(&'static str, &'static str)],
 }
 
-const MAPPINGS: [Mapping; 11] = [
+const MAPPINGS: [Mapping; 12] = [
     Mapping { name: "NganWard", model: "ward", unscaled: true, fields: &[("ks", "albedo"), ("alpha", "roughness")] },
     Mapping {
         name: "NganWardDuer",
@@ -62,6 +62,12 @@ const MAPPINGS: [Mapping; 11] = [
         model: "ashikhmin-shirley",
         unscaled: true,
         fields: &[("ks", "albedo"), ("f0", "fresnelReflectance"), ("n", "sharpness")],
+    },
+    Mapping {
+        name: "NganHe",
+        model: "he",
+        unscaled: true,
+        fields: &[("ks", "albedo"), ("sigma", "roughness"), ("tau", "autocorrelation"), ("eta", "eta")],
     },
     Mapping {
         name: "LowCookTorrance",
@@ -376,8 +382,8 @@ mod tests {
             (WARD.replace("roughness", "eta = 1, roughness"), "x.fit:7: NganWard has no parameter `eta`"),
             (WARD.replace("[1e-2, .02, 0.03]", "[1, 2]"), "x.fit:7: `albedo` has 2 numbers, allowed are 3"),
             (
-                WARD.replace("NganWard", "NganHe"),
-                "x.fit:7: model `NganHe` is not implemented; implemented are NganWard,",
+                WARD.replace("NganWard", "NganPhong"),
+                "x.fit:7: model `NganPhong` is not implemented; implemented are NganWard,",
             ),
         ];
         for (line, expected) in entries {

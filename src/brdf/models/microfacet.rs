@@ -19,11 +19,15 @@ pub(super) fn ggx_distribution<S: Scalar>(alpha: S, h: &HalfVector) -> S {
 
 /// Smith's visibility for GGX, G1 = 2 / (1 + sqrt(1 + alpha^2 tan^2 theta)) (Walter et al. 2007, eq. 34).
 pub(super) fn ggx_visibility<S: Scalar>(alpha: S, wi: Vec3, wo: Vec3) -> S {
-    let one = S::from(1.0);
-    let alpha2 = alpha * alpha;
     // G1(c) / (2 c)
-    let masking = |cos: f64| one / (((one - alpha2) * cos * cos + alpha2).sqrt() + cos);
+    let masking = |cos: f64| S::from(1.0) / ggx_area(alpha, cos);
     masking(wi.z) * masking(wo.z)
+}
+
+/// Twice the area that GGX facets project towards a direction, per unit of surface: G1 = 2 cos theta / area.
+pub(super) fn ggx_area<S: Scalar>(alpha: S, cos: f64) -> S {
+    let alpha2 = alpha * alpha;
+    ((S::from(1.0) - alpha2) * cos * cos + alpha2).sqrt() + cos
 }
 
 /// D = exp(-tan^2 theta_h / alpha^2) / (pi alpha^2 cos^4 theta_h) (Walter et al. 2007, eq. 25).
@@ -33,21 +37,22 @@ pub(super) fn beckmann_distribution<S: Scalar>(alpha: S, h: &HalfVector) -> S {
     (S::from(-h.tan2_theta_h) / alpha2).exp() / (alpha2 * (PI * cos2 * cos2))
 }
 
-/// Smith's visibility for Beckmann: with a = 1/(alpha tan theta), the facets' projected area is
-/// cos theta (1 + erf a)/2 + alpha sin theta exp(-a^2) / (2 sqrt pi), and G1 = cos theta / area (Walter et al. 2007,
-/// eq. 26; exact, not their rational approximation).
+/// Smith's visibility for Beckmann (Walter et al. 2007, eq. 26; exact, not their rational approximation).
 pub(super) fn beckmann_visibility<S: Scalar>(alpha: S, wi: Vec3, wo: Vec3) -> S {
-    let masking = |cos: f64| {
-        let stretched = alpha * (1.0 - cos * cos).max(0.0).sqrt();
-        let a = S::from(cos) / stretched;
-        // erfc(6) is 2e-17.
-        if stretched.value() * 6.0 <= cos {
-            return S::from(0.5 / cos);
-        }
-        let gaussian = (-(a * a)).exp() * stretched * (0.5 / PI.sqrt());
-        S::from(0.5) / ((a.erf() + 1.0) * (0.5 * cos) + gaussian)
-    };
+    let masking = |cos: f64| S::from(1.0) / beckmann_area(alpha, cos);
     masking(wi.z) * masking(wo.z)
+}
+
+/// Twice the area that Beckmann facets project towards a direction, per unit of surface: with a = 1/(alpha tan theta),
+/// cos theta (1 + erf a) + alpha sin theta exp(-a^2)/sqrt pi.
+pub(super) fn beckmann_area<S: Scalar>(alpha: S, cos: f64) -> S {
+    let stretched = alpha * (1.0 - cos * cos).max(0.0).sqrt();
+    // erfc(6) is 2e-17.
+    if stretched.value() * 6.0 <= cos {
+        return S::from(2.0 * cos);
+    }
+    let a = S::from(cos) / stretched;
+    (a.erf() + 1.0) * cos + (-(a * a)).exp() * stretched / PI.sqrt()
 }
 
 /// Masking by symmetric grooves, G = min(1, 2 n.h n.wi / h.wi, 2 n.h n.wo / h.wo) (Cook & Torrance 1982,

@@ -11,13 +11,17 @@ mod beckmann;
 mod blinn_phong;
 mod cook_torrance;
 mod declare;
+mod dupuy;
 mod fresnel;
 mod ggx;
+mod he;
 mod lafortune;
 mod lambert;
 mod microfacet;
 mod named;
+mod rational;
 mod sgd;
+mod sum;
 mod ward;
 
 pub use abc::{Abc, AbcStudy, STUDY_ETA};
@@ -26,17 +30,22 @@ pub use ashikhmin_shirley::{AshikhminShirley, AshikhminShirleyDielectric};
 pub use beckmann::{Beckmann, BeckmannConductor, BeckmannSchlick};
 pub use blinn_phong::BlinnPhong;
 pub use cook_torrance::{CookTorrance, CookTorranceDielectric};
+pub use dupuy::{Dupuy, SlopeDistribution};
 pub use ggx::{Ggx, GgxConductor, GgxDielectric};
+pub use he::He;
 pub use lafortune::Lafortune;
 pub use lambert::Lambert;
 pub use named::{FieldError, NamedParameters};
+pub use rational::{Basis, Rational};
 pub use sgd::Sgd;
+pub use sum::Sum;
 pub use ward::{Ward, WardForm};
 
 use super::Brdf;
 use crate::math::dual::Scalar;
 use crate::math::{Rgb, Vec3};
 use declare::model;
+use rational::Form;
 use std::borrow::Cow;
 use std::sync::Arc;
 use thiserror::Error;
@@ -61,7 +70,11 @@ pub enum ModelError {
     OutOfBounds { model: String, parameter: String, found: f64, allowed: (f64, f64) },
     #[error("{model}: {found} parameters were given, the model has {expected}")]
     Count { model: String, found: usize, expected: usize },
-    #[error("unknown model `{found}`; the models are {}", MODELS.join(", "))]
+    #[error("{model}: the terms of a sum are models with lobes, the first of which may be lambert, and {term} is none")]
+    Term { model: String, term: String },
+    #[error("no light comes back to where it came from, so the reference has no distribution of facets")]
+    NoRetroreflection,
+    #[error("unknown model `{found}`; the models are {}, and sums such as ggx+ward", MODELS.join(", "))]
     UnknownModel { found: String },
 }
 
@@ -112,7 +125,7 @@ struct Entry {
 }
 
 #[rustfmt::skip]
-const ENTRIES: [Entry; 20] = [
+const ENTRIES: [Entry; 26] = [
     Entry { id: "lambert", schema: Lambert::parameter_schema, build: Lambert::shared },
     Entry { id: "ward", schema: Ward::parameter_schema, build: |p| Ward::shared(p, WardForm::Ward) },
     Entry { id: "ward-duer", schema: Ward::parameter_schema, build: |p| Ward::shared(p, WardForm::Duer) },
@@ -133,6 +146,12 @@ const ENTRIES: [Entry; 20] = [
     Entry { id: "cook-torrance-dielectric", schema: CookTorranceDielectric::parameter_schema, build: CookTorranceDielectric::shared },
     Entry { id: "ashikhmin-shirley", schema: AshikhminShirley::parameter_schema, build: AshikhminShirley::shared },
     Entry { id: "ashikhmin-shirley-dielectric", schema: AshikhminShirleyDielectric::parameter_schema, build: AshikhminShirleyDielectric::shared },
+    Entry { id: "he", schema: He::parameter_schema, build: He::shared },
+    Entry { id: "dupuy", schema: || dupuy::schema(dupuy::TABULATED), build: |p| dupuy::shared(dupuy::TABULATED, p) },
+    Entry { id: "dupuy-ggx", schema: || dupuy::schema(dupuy::GGX), build: |p| dupuy::shared(dupuy::GGX, p) },
+    Entry { id: "dupuy-beckmann", schema: || dupuy::schema(dupuy::BECKMANN), build: |p| dupuy::shared(dupuy::BECKMANN, p) },
+    Entry { id: "rational-chebyshev", schema: || Form::standard(Basis::Chebyshev).schema(), build: |p| Form::standard(Basis::Chebyshev).shared(p) },
+    Entry { id: "rational-legendre", schema: || Form::standard(Basis::Legendre).schema(), build: |p| Form::standard(Basis::Legendre).shared(p) },
 ];
 
 /// Identifiers of all models.
@@ -151,31 +170,50 @@ fn entry(model: &str) -> Result<&'static Entry, ModelError> {
     TABLE.iter().find(|e| e.id == model).ok_or_else(|| ModelError::UnknownModel { found: model.to_owned() })
 }
 
-/// Names, units, bounds and starts of the parameters of `model`.
+/// Names, units, bounds and starts of the parameters of `model`: one of [`MODELS`], a rational function of another size
+/// such as `rational-legendre-20-15`, or a sum of models such as `ggx+blinn-phong`.
 pub fn schema(model: &str) -> Result<Vec<Parameter>, ModelError> {
-    Ok((entry(model)?.schema)())
+    if model.contains('+') {
+        return sum::schema(model);
+    }
+    match Form::parse(model) {
+        Some(form) => Ok(form.schema()),
+        None => Ok((entry(model)?.schema)()),
+    }
 }
 
-/// The model called `model` with the parameter vector `p`, checked against the schema: the inverse of
+/// The model called `model` (see [`schema`]) with the parameter vector `p`, checked against the schema: the inverse of
 /// [`AnalyticBrdf::model`] and [`AnalyticBrdf::parameters`].
 pub fn build(model: &str, p: &[f64]) -> Result<Arc<dyn AnalyticBrdf>, ModelError> {
-    let entry = entry(model)?;
-    let expected = (entry.schema)().len();
+    let expected = schema(model)?.len();
     if p.len() != expected {
         return Err(ModelError::Count { model: model.to_owned(), found: p.len(), expected });
     }
-    (entry.build)(p)
+    if model.contains('+') {
+        return sum::shared(model, p);
+    }
+    match Form::parse(model) {
+        Some(form) => form.shared(p),
+        None => (entry(model)?.build)(p),
+    }
 }
 
 /// Hands the model back if each of its parameters lies within its bounds (NaN never does).
 fn checked<M: AnalyticBrdf>(model: M) -> Result<M, ModelError> {
-    for (p, found) in model.schema().iter().zip(model.parameters()) {
-        if !(p.bounds.0..=p.bounds.1).contains(&found) {
-            let (model, parameter) = (model.model().to_owned(), p.name.to_string());
-            return Err(ModelError::OutOfBounds { model, parameter, found, allowed: p.bounds });
-        }
-    }
+    check(model.model(), &model.schema(), &model.parameters())?;
     Ok(model)
+}
+
+fn check(model: &str, schema: &[Parameter], p: &[f64]) -> Result<(), ModelError> {
+    match schema.iter().zip(p).find(|(s, x)| !(s.bounds.0..=s.bounds.1).contains(*x)) {
+        None => Ok(()),
+        Some((s, x)) => Err(ModelError::OutOfBounds {
+            model: model.to_owned(),
+            parameter: s.name.to_string(),
+            found: *x,
+            allowed: s.bounds,
+        }),
+    }
 }
 
 /// What most models need of the half vector h of two unit directions above the horizon.

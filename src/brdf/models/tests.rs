@@ -19,13 +19,18 @@ fn near_start(schema: &[Parameter], rng: &mut impl Rng) -> Vec<f64> {
     schema.iter().map(near).collect()
 }
 
+/// All models, a sum of some and a rational function of another size.
+fn identifiers() -> impl Iterator<Item = &'static str> {
+    MODELS.into_iter().chain(["ggx+ward+lafortune", "rational-chebyshev-4-6"])
+}
+
 /// One of each model, with parameters of its own.
 fn all() -> Vec<Arc<dyn AnalyticBrdf>> {
-    let one = |id: &&str| {
+    let one = |id| {
         let p = near_start(&schema(id).expect("listed"), &mut seed::stream(11, id, 0));
         build(id, &p).expect("parameters around the starts are valid")
     };
-    MODELS.iter().map(one).collect()
+    identifiers().map(one).collect()
 }
 
 /// A pair of directions at least 6 degrees above the horizon, in one case of two near each other's mirror image.
@@ -42,7 +47,7 @@ fn pair(rng: &mut impl Rng) -> (Vec3, Vec3) {
 
 #[test]
 fn every_model_is_listed_reciprocal_and_finite() {
-    assert_eq!(all().iter().map(|m| m.model().to_owned()).collect::<Vec<_>>(), MODELS);
+    assert!(all().iter().map(|m| m.model().to_owned()).eq(identifiers()));
     for model in all() {
         for (ti, to, phi) in [(0.1, 0.1, PI), (0.3, 1.2, 2.9), (1.5, 1.55, 3.1), (0.0, 0.7, 0.0), (1.1, 0.4, 1.0)] {
             let (wi, wo) = standard_directions(ti, to, phi);
@@ -77,7 +82,7 @@ fn the_models_of_the_study_have_as_many_parameters_as_it_counts() {
 
 #[test]
 fn a_start_lies_within_its_bounds_and_its_model_is_a_plain_material() {
-    for id in MODELS {
+    for id in identifiers() {
         let schema = schema(id).expect("listed");
         let start: Vec<f64> = schema.iter().map(|p| p.start).collect();
         let model = build(id, &start).expect("a start is valid");
@@ -92,7 +97,7 @@ fn a_start_lies_within_its_bounds_and_its_model_is_a_plain_material() {
 /// the value changes by e for each 1/m of the parameter (m up to 200 far down a lobe), and 1e-11 from rounding.
 #[test]
 fn gradients_are_the_limits_of_differences() {
-    for id in MODELS {
+    for id in identifiers() {
         let schema = schema(id).expect("listed");
         let mut rng = seed::stream(12, id, 0);
         for _ in 0..40 {
@@ -173,7 +178,7 @@ fn values_along_the_normal() {
 
 /// Directional albedo by midpoint quadrature of f cos theta_o over the hemisphere, green channel.
 fn albedo(model: &dyn AnalyticBrdf, theta_i: f64) -> f64 {
-    let (rings, sectors) = (720, 720);
+    let (rings, sectors) = (400, 400);
     let (d_theta, d_phi) = (0.5 * PI / rings as f64, 2.0 * PI / sectors as f64);
     let mut sum = 0.0;
     for ring in 0..rings {

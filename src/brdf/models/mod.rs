@@ -116,12 +116,14 @@ impl<M: AnalyticBrdf> Brdf for M {
     }
 }
 
+type Built = Result<Arc<dyn AnalyticBrdf>, ModelError>;
+
 /// A model of the registry.
 struct Entry {
     id: &'static str,
     schema: fn() -> Vec<Parameter>,
     /// From a parameter vector of the schema's length.
-    build: fn(&[f64]) -> Result<Arc<dyn AnalyticBrdf>, ModelError>,
+    build: fn(&[f64]) -> Built,
 }
 
 #[rustfmt::skip]

@@ -157,7 +157,7 @@ impl Rational {
     }
 }
 
-/// P/Q within the range of values; `None` where that cuts it off.
+/// P/Q, or as the error the end of the range of values at which it is cut off.
 fn quotient(p: f64, q: f64) -> Result<f64, f64> {
     let value = p / q;
     match value {

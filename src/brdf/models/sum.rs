@@ -30,23 +30,29 @@ struct Term {
     hidden: usize,
 }
 
-/// The schema of each term of `id`, with the number of its hidden parameters.
-fn terms(id: &str) -> Result<Vec<(&str, Vec<Parameter>, usize)>, ModelError> {
-    let term = |(k, name)| {
+/// A term as the identifier of a sum names it.
+struct Part<'a> {
+    name: &'a str,
+    schema: Vec<Parameter>,
+    hidden: usize,
+}
+
+fn parts(id: &str) -> Result<Vec<Part<'_>>, ModelError> {
+    let part = |(k, name)| {
         let schema = schema_of(name)?;
         let diffuse = schema.iter().zip(DIFFUSE).filter(|(p, name)| p.name == *name).count();
         let hidden = if k > 0 && diffuse == DIFFUSE.len() { diffuse } else { 0 };
         if hidden == schema.len() {
             return Err(ModelError::Term { model: id.to_owned(), term: name.to_owned() });
         }
-        Ok((name, schema, hidden))
+        Ok(Part { name, schema, hidden })
     };
-    id.split('+').enumerate().map(term).collect()
+    id.split('+').enumerate().map(part).collect()
 }
 
 pub(super) fn schema(id: &str) -> Result<Vec<Parameter>, ModelError> {
     let mut all = Vec::new();
-    for (k, (_, schema, hidden)) in terms(id)?.into_iter().enumerate() {
+    for (k, Part { schema, hidden, .. }) in parts(id)?.into_iter().enumerate() {
         all.extend(schema.into_iter().skip(hidden).map(|p| Parameter {
             name: Cow::Owned(format!("{}.{}", k + 1, p.name)),
             start: (p.start * 1.5f64.powi(k as i32)).clamp(p.bounds.0, p.bounds.1),
@@ -61,7 +67,7 @@ pub(super) fn shared(id: &str, p: &[f64]) -> Result<Arc<dyn AnalyticBrdf>, Model
     check(id, &schema(id)?, p)?;
     let mut rest = p.iter().copied();
     let mut all = Vec::new();
-    for (name, schema, hidden) in terms(id)? {
+    for Part { name, schema, hidden } in parts(id)? {
         let own: Vec<f64> = std::iter::repeat_n(0.0, hidden).chain(rest.by_ref().take(schema.len() - hidden)).collect();
         all.push(Term { model: build(name, &own)?, count: own.len(), hidden });
     }

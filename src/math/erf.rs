@@ -57,14 +57,14 @@ pub fn erf(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Abramowitz & Stegun 1964, tables 7.1 (ten digits) and 7.3, and scipy.special.erfc 1.15 for the far tail.
+    /// Abramowitz & Stegun 1964, tables 7.1 (ten digits) and 7.3, and scipy 1.17, special.erfc, for the far tail.
     #[test]
     fn tabulated_values() {
         for (x, expected) in [(0.0, 0.0), (0.5, 0.5204998778), (1.0, 0.8427007929), (2.0, 0.9953222650)] {
             assert!((erf(x) - expected).abs() < 1e-10, "{x}");
             assert!((erf(-x) + expected).abs() < 1e-10, "{x}");
         }
-        for (x, expected) in [(5.0, 1.5374597944280349e-12), (10.0, 2.0884875837625446e-45)] {
+        for (x, expected) in [(5.0, 1.537459794428035e-12), (10.0, 2.0884875837625446e-45)] {
             assert!((erfc(x) / expected - 1.0).abs() < 1e-13, "{x}");
         }
         assert_eq!((erfc(40.0), erfc(-40.0)), (0.0, 2.0));

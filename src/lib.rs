@@ -4,7 +4,7 @@
 //!
 //! | room | holds |
 //! | --- | --- |
-//! | [`math`] | directions, coordinates, colour, correlations, the logistic curve, dense layers, seeds |
+//! | [`math`] | directions, coordinates, colour, correlations, the logistic curve, dense layers, dual numbers, seeds |
 //! | [`brdf`] | the trait [`brdf::Brdf`], tables, published models, file formats, the source notation |
 //! | [`dataset`] | studies: rated pairs, manifests, grouped splits, the embedded synthetic study |
 //! | [`descriptor`] | a BRDF becomes comparable numbers: virtual pictures, angular ratios, embeddings; the cache |

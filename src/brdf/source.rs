@@ -7,7 +7,7 @@
 //! | `merl_nbrdf.zip:teflon` | a network of an archive |
 //! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
 //! | `npf.bin:teflon` | tabulated factors |
-//! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model and its parameters, with overrides |
+//! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
 //!
 //! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
 //! parameters as another model of the same fields.

@@ -1,10 +1,13 @@
-//! Directions, coordinates, colour spaces, correlations, the logistic curve, dense layers and seeds.
+//! Directions, coordinates, colour spaces, correlations, the logistic curve, dense layers, dual numbers, the error
+//! function and seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
 pub mod color;
 pub mod coordinates;
 pub mod correlation;
+pub mod dual;
+pub mod erf;
 pub mod layers;
 pub mod logistic;
 pub mod seed;

@@ -3,6 +3,7 @@
 //! Tests of published data take its folder from `VERNIS_DATA`.
 
 mod bad_input;
+mod models;
 mod published;
 mod tables;
 

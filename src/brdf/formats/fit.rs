@@ -6,7 +6,9 @@
 //! | in the file | model | source |
 //! | --- | --- | --- |
 //! | `NganWard`, `NganWardDuer`, `NganBlinnPhong`, `NganLafortune` | `ward`, `ward-duer`, `blinn-phong`, `lafortune` | Ngan et al. 2005, doi:10.2312/EGWR/EGSR05/117-126 |
-//! | `LowMicrofacetFit` | `abc` | Loew et al. 2012, doi:10.1145/2077341.2077350 |
+//! | `NganCookTorrance`, `NganAshikhminShirley`, `NganHe` | `cook-torrance`, `ashikhmin-shirley`, `he` | the same |
+//! | `LowCookTorrance`, `LowAshikhminShirley` | `cook-torrance-dielectric`, `ashikhmin-shirley-dielectric` | Loew et al. 2012 |
+//! | `LowMicrofacetFit`, `LowSmooth` | `abc`, `abc-smooth` | Loew et al. 2012, doi:10.1145/2077341.2077350 |
 //! | `Bagher` | `sgd` | Bagher et al. 2012, doi:10.1111/j.1467-8659.2012.03147.x |
 //!
 //! Ngan's albedos belong to data without MERL's channel factors, so they are multiplied by (1, 1.15, 1.66) here.
@@ -28,7 +30,7 @@ struct Mapping {
     fields: &'static [(&'static str, &'static str)],
 }
 
-const MAPPINGS: [Mapping; 6] = [
+const MAPPINGS: [Mapping; 12] = [
     Mapping { name: "NganWard", model: "ward", unscaled: true, fields: &[("ks", "albedo"), ("alpha", "roughness")] },
     Mapping {
         name: "NganWardDuer",
@@ -47,6 +49,44 @@ const MAPPINGS: [Mapping; 6] = [
         model: "lafortune",
         unscaled: true,
         fields: &[("ks", "albedo"), ("cxy", "Cxy"), ("cz", "Cz"), ("n", "sharpness")],
+    },
+    Mapping {
+        name: "NganCookTorrance",
+        model: "cook-torrance",
+        unscaled: true,
+        // Their `eta` is the reflectance at normal incidence: it stays below 1.
+        fields: &[("ks", "albedo"), ("f0", "eta"), ("m", "roughness")],
+    },
+    Mapping {
+        name: "NganAshikhminShirley",
+        model: "ashikhmin-shirley",
+        unscaled: true,
+        fields: &[("ks", "albedo"), ("f0", "fresnelReflectance"), ("n", "sharpness")],
+    },
+    Mapping {
+        name: "NganHe",
+        model: "he",
+        unscaled: true,
+        fields: &[("ks", "albedo"), ("sigma", "roughness"), ("tau", "autocorrelation"), ("eta", "eta")],
+    },
+    Mapping {
+        name: "LowCookTorrance",
+        model: "cook-torrance-dielectric",
+        unscaled: false,
+        fields: &[("ks", "albedo"), ("eta", "eta"), ("m", "roughness")],
+    },
+    Mapping {
+        name: "LowAshikhminShirley",
+        model: "ashikhmin-shirley-dielectric",
+        unscaled: false,
+        // Their `fresnelReflectance` is a refractive index: it stays above 1.
+        fields: &[("ks", "albedo"), ("eta", "fresnelReflectance"), ("n", "sharpness")],
+    },
+    Mapping {
+        name: "LowSmooth",
+        model: "abc-smooth",
+        unscaled: false,
+        fields: &[("a", "A"), ("b", "B"), ("c", "C"), ("eta", "eta")],
     },
     Mapping {
         name: "LowMicrofacetFit",
@@ -342,8 +382,8 @@ mod tests {
             (WARD.replace("roughness", "eta = 1, roughness"), "x.fit:7: NganWard has no parameter `eta`"),
             (WARD.replace("[1e-2, .02, 0.03]", "[1, 2]"), "x.fit:7: `albedo` has 2 numbers, allowed are 3"),
             (
-                WARD.replace("NganWard", "NganHe"),
-                "x.fit:7: model `NganHe` is not implemented; implemented are NganWard,",
+                WARD.replace("NganWard", "NganPhong"),
+                "x.fit:7: model `NganPhong` is not implemented; implemented are NganWard,",
             ),
         ];
         for (line, expected) in entries {

@@ -1,9 +1,10 @@
 //! `.json`: a model and its parameters, as in `{"model": "ward", "kd": [0.2, 0.1, 0.05], "ks": [0.1, 0.1, 0.1],
-//! "alpha": 0.15}`. The fields are those of the model's schema, colours as three numbers; all must be there.
+//! "alpha": 0.15}`. The fields are those of the model's schema, colours as three numbers; all must be there. The fields of a
+//! sum such as `"ggx+ward"` carry the number of their term: `"1.kd"`, `"2.alpha"`.
 
 use crate::brdf::BrdfError;
 use crate::brdf::error::nearest;
-use crate::brdf::models::{FieldError, MODELS, NamedParameters};
+use crate::brdf::models::{FieldError, MODELS, ModelError, NamedParameters};
 use serde_json::Value;
 use std::path::Path;
 
@@ -62,11 +63,14 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
 
 /// The unset parameters of `model`.
 pub(in crate::brdf) fn for_model(place: &str, model: &str) -> Result<NamedParameters, BrdfError> {
-    NamedParameters::new(model).map_err(|_| BrdfError::UnknownModel {
-        place: place.to_owned(),
-        found: model.to_owned(),
-        nearest: nearest(model, MODELS),
-        allowed: MODELS.map(str::to_owned).to_vec(),
+    NamedParameters::new(model).map_err(|cause| match cause {
+        ModelError::UnknownModel { found } => BrdfError::UnknownModel {
+            place: place.to_owned(),
+            nearest: nearest(&found, MODELS),
+            found,
+            allowed: MODELS.map(str::to_owned).to_vec(),
+        },
+        cause => BrdfError::Model { place: place.to_owned(), cause },
     })
 }
 

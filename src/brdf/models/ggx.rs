@@ -1,62 +1,73 @@
-//! GGX microfacet model with Schlick's Fresnel term, over a diffuse base.
+//! GGX microfacet models with Schlick's, the dielectric and the conductor Fresnel term, over a diffuse base.
 //!
-//! f = kd/pi + D F G / (4 cos theta_i cos theta_o)
+//! f = kd/pi + ks D F G / (4 cos theta_i cos theta_o)
 //! D = alpha^2 / (pi cos^4 theta_h (alpha^2 + tan^2 theta_h)^2)
-//! F = f0 + (1 - f0)(1 - cos theta_d)^5
 //! G = G1(theta_i) G1(theta_o), G1 = 2 / (1 + sqrt(1 + alpha^2 tan^2 theta))
+//! F = f0 + (1 - f0)(1 - cos theta_d)^5 in `ggx`; those of `fresnel.rs` in `ggx-dielectric` and `ggx-conductor`
 //!
-//! kd: diffuse albedo, f0: reflectance at normal incidence, both per channel; alpha: roughness; all dimensionless.
-//! Reciprocal; the specular part alone reflects at most what it receives.
+//! kd: diffuse albedo, ks: specular albedo (1 where the model has none), f0: reflectance at normal incidence, all per
+//! channel; eta, k: refractive index and extinction relative to air; alpha: roughness; all dimensionless.
+//! Reciprocal; the specular part with ks = 1 reflects at most what it receives. `ggx-dielectric` has the eight parameters
+//! that the paper on the study counts for GGX.
 //! Source: Walter et al. 2007, eqs. 20, 33, 34, doi:10.2312/EGWR/EGSR07/195-206; Schlick 1994,
-//! doi:10.1111/1467-8659.1330233. Cost: two square roots.
+//! doi:10.1111/1467-8659.1330233. Cost: two square roots, and those of the Fresnel term.
 
-use super::{AnalyticBrdf, HalfVector, ModelError, Parameter, checked, colour, scalar};
-use crate::math::{Rgb, Vec3};
-use std::f64::consts::{FRAC_1_PI, PI};
+use super::fresnel::{conductor, dielectric, schlick};
+use super::microfacet::{ggx_distribution, ggx_visibility};
+use super::{HalfVector, diffuse_plus, model};
+use crate::math::Vec3;
+use crate::math::dual::Scalar;
+use std::f64::consts::FRAC_1_PI;
 
-/// Diffuse albedo `kd`, reflectance at normal incidence `f0`, roughness `alpha`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ggx {
-    pub kd: Rgb,
-    pub f0: Rgb,
-    pub alpha: f64,
-}
-
-impl Ggx {
-    pub fn new(kd: Rgb, f0: Rgb, alpha: f64) -> Result<Self, ModelError> {
-        checked(Self { kd, f0, alpha })
+model! {
+    /// Diffuse albedo `kd`, reflectance at normal incidence `f0`, roughness `alpha`; Schlick's Fresnel term.
+    Ggx = "ggx" {
+        kd: Colour("1", (0.0, 1.0), 0.2),
+        f0: Colour("1", (0.0, 1.0), 0.05),
+        alpha: Number("1", (1e-3, 1.0), 0.2),
     }
 }
 
-pub(super) fn schema() -> Vec<Parameter> {
-    let mut all = [colour!("kd", "1", 0.0, 1.0), colour!("f0", "1", 0.0, 1.0)].concat();
-    all.push(scalar("alpha", "1", 1e-3, 1.0));
-    all
+model! {
+    /// Diffuse albedo `kd`, specular albedo `ks`, roughness `alpha`, refractive index `eta` of a dielectric.
+    GgxDielectric = "ggx-dielectric" {
+        kd: Colour("1", (0.0, 1.0), 0.2),
+        ks: Colour("1", (0.0, 100.0), 1.0),
+        alpha: Number("1", (1e-3, 1.0), 0.2),
+        eta: Number("1", (1.0, 1e3), 1.5),
+    }
 }
 
-impl AnalyticBrdf for Ggx {
-    fn model(&self) -> &'static str {
-        "ggx"
+model! {
+    /// Diffuse albedo `kd`, refractive index `eta` and extinction `k` of a conductor, roughness `alpha`.
+    GgxConductor = "ggx-conductor" {
+        kd: Colour("1", (0.0, 1.0), 0.0),
+        eta: Colour("1", (0.01, 100.0), 1.0),
+        k: Colour("1", (1e-3, 100.0), 3.0),
+        alpha: Number("1", (1e-3, 1.0), 0.2),
     }
+}
 
-    fn schema(&self) -> Vec<Parameter> {
-        schema()
-    }
-
-    fn parameters(&self) -> Vec<f64> {
-        [&self.kd[..], &self.f0, &[self.alpha]].concat()
-    }
-
-    fn value(&self, wi: Vec3, wo: Vec3) -> Rgb {
+impl<S: Scalar> Ggx<S> {
+    fn formula(&self, wi: Vec3, wo: Vec3) -> [S; 3] {
         let h = HalfVector::new(wi, wo);
-        let alpha2 = self.alpha * self.alpha;
-        let cos2 = h.cos_theta_h * h.cos_theta_h;
-        let slope = cos2 * (alpha2 + h.tan2_theta_h);
-        let d = alpha2 / (PI * slope * slope);
-        // G1(c) / (2 c), which stays finite at grazing angles.
-        let masking = |cos: f64| 1.0 / (cos + (alpha2 + (1.0 - alpha2) * cos * cos).sqrt());
-        let visibility = masking(wi.z) * masking(wo.z);
-        let grazing = (1.0 - h.cos_theta_d).powi(5);
-        std::array::from_fn(|c| self.kd[c] * FRAC_1_PI + d * visibility * (self.f0[c] + (1.0 - self.f0[c]) * grazing))
+        let lobe = ggx_distribution(self.alpha, &h) * ggx_visibility(self.alpha, wi, wo);
+        std::array::from_fn(|c| self.kd[c] * FRAC_1_PI + lobe * schlick(self.f0[c], h.cos_theta_d))
+    }
+}
+
+impl<S: Scalar> GgxDielectric<S> {
+    fn formula(&self, wi: Vec3, wo: Vec3) -> [S; 3] {
+        let h = HalfVector::new(wi, wo);
+        let lobe = ggx_distribution(self.alpha, &h) * ggx_visibility(self.alpha, wi, wo);
+        diffuse_plus(self.kd, self.ks, lobe * dielectric(self.eta, h.cos_theta_d))
+    }
+}
+
+impl<S: Scalar> GgxConductor<S> {
+    fn formula(&self, wi: Vec3, wo: Vec3) -> [S; 3] {
+        let h = HalfVector::new(wi, wo);
+        let lobe = ggx_distribution(self.alpha, &h) * ggx_visibility(self.alpha, wi, wo);
+        std::array::from_fn(|c| self.kd[c] * FRAC_1_PI + lobe * conductor(self.eta[c], self.k[c], h.cos_theta_d))
     }
 }

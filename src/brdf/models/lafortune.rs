@@ -8,49 +8,27 @@
 //! doi:10.2312/EGWR/EGSR05/117-126. The weights are divided by the larger one before the power is taken:
 //! (1/sqrt 3)^n underflows for the published n of several thousand. Cost: one power.
 
-use super::{AnalyticBrdf, ModelError, Parameter, checked, colour, diffuse_plus, scalar};
-use crate::math::{Rgb, Vec3};
+use super::{diffuse_plus, model};
+use crate::math::Vec3;
+use crate::math::dual::Scalar;
 use std::f64::consts::PI;
 
-/// Diffuse albedo `kd`, specular albedo `ks`, lobe weights `cxy` and `cz`, sharpness `n`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lafortune {
-    pub kd: Rgb,
-    pub ks: Rgb,
-    pub cxy: f64,
-    pub cz: f64,
-    pub n: f64,
-}
-
-impl Lafortune {
-    pub fn new(kd: Rgb, ks: Rgb, cxy: f64, cz: f64, n: f64) -> Result<Self, ModelError> {
-        checked(Self { kd, ks, cxy, cz, n })
+model! {
+    /// Diffuse albedo `kd`, specular albedo `ks`, lobe weights `cxy` and `cz`, sharpness `n`.
+    Lafortune = "lafortune" {
+        kd: Colour("1", (0.0, 1.0), 0.2),
+        ks: Colour("1", (0.0, 10.0), 0.05),
+        // cxy stays away from zero so that the larger weight is never zero.
+        cxy: Number("1", (-2.0, -1e-3), -0.577),
+        cz: Number("1", (0.0, 2.0), 0.577),
+        n: Number("1", (0.0, 1e7), 50.0),
     }
 }
 
-pub(super) fn schema() -> Vec<Parameter> {
-    let mut all = [colour!("kd", "1", 0.0, 1.0), colour!("ks", "1", 0.0, 10.0)].concat();
-    // cxy stays away from zero so that the larger weight is never zero.
-    all.extend([scalar("cxy", "1", -2.0, -1e-3), scalar("cz", "1", 0.0, 2.0), scalar("n", "1", 0.0, 1e7)]);
-    all
-}
-
-impl AnalyticBrdf for Lafortune {
-    fn model(&self) -> &'static str {
-        "lafortune"
-    }
-
-    fn schema(&self) -> Vec<Parameter> {
-        schema()
-    }
-
-    fn parameters(&self) -> Vec<f64> {
-        [&self.kd[..], &self.ks, &[self.cxy, self.cz, self.n]].concat()
-    }
-
-    fn value(&self, wi: Vec3, wo: Vec3) -> Rgb {
+impl<S: Scalar> Lafortune<S> {
+    fn formula(&self, wi: Vec3, wo: Vec3) -> [S; 3] {
         let dot = self.cxy * (wi.x * wo.x + wi.y * wo.y) + self.cz * wi.z * wo.z;
-        let base = dot.max(0.0) / self.cxy.abs().max(self.cz.abs());
+        let base = dot.max(S::from(0.0)) / self.cxy.abs().max(self.cz.abs());
         diffuse_plus(self.kd, self.ks, (self.n + 2.0) / (2.0 * PI) * base.powf(self.n))
     }
 }

@@ -1,6 +1,6 @@
 //! A model's parameters by name: what files, overrides and content hashes are made of.
 
-use super::{AnalyticBrdf, MODELS, ModelError, Parameter, build, schema};
+use super::{AnalyticBrdf, ModelError, Parameter, build, schema};
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// A *field* is a parameter without its channel: `kd` has three entries, `alpha` one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedParameters {
-    model: &'static str,
+    model: String,
     schema: Vec<Parameter>,
     values: Vec<Option<f64>>,
 }
@@ -27,18 +27,16 @@ impl NamedParameters {
     /// All fields of `model` unset.
     pub fn new(model: &str) -> Result<Self, ModelError> {
         let schema = schema(model)?;
-        let unknown = || ModelError::UnknownModel { found: model.to_owned() };
-        let model = MODELS.into_iter().find(|m| *m == model).ok_or_else(unknown)?;
-        Ok(Self { model, values: vec![None; schema.len()], schema })
+        Ok(Self { model: model.to_owned(), values: vec![None; schema.len()], schema })
     }
 
-    pub fn model(&self) -> &'static str {
-        self.model
+    pub fn model(&self) -> &str {
+        &self.model
     }
 
     /// The fields in order, each with its number of entries.
-    pub fn fields(&self) -> Vec<(&'static str, usize)> {
-        let mut fields: Vec<(&'static str, usize)> = Vec::new();
+    pub fn fields(&self) -> Vec<(&str, usize)> {
+        let mut fields: Vec<(&str, usize)> = Vec::new();
         for parameter in &self.schema {
             let field = field_of(parameter);
             match fields.last_mut() {
@@ -63,7 +61,7 @@ impl NamedParameters {
     }
 
     /// The first field that is still unset.
-    pub fn missing(&self) -> Option<&'static str> {
+    pub fn missing(&self) -> Option<&str> {
         self.schema.iter().zip(&self.values).find(|(_, v)| v.is_none()).map(|(p, _)| field_of(p))
     }
 
@@ -76,12 +74,12 @@ impl NamedParameters {
     /// The checked model. Unset fields count as out of bounds.
     pub fn build(&self) -> Result<Arc<dyn AnalyticBrdf>, ModelError> {
         let values: Vec<f64> = self.values.iter().map(|v| v.unwrap_or(f64::NAN)).collect();
-        build(self.model, &values)
+        build(&self.model, &values)
     }
 
     /// One text for one set of parameters, whatever file they came from.
     pub fn canonical(&self) -> String {
-        let mut text = self.model.to_owned();
+        let mut text = self.model.clone();
         for (parameter, value) in self.schema.iter().zip(&self.values) {
             // The shortest decimal form that reads back as the same number.
             let _ = write!(text, ";{}={:?}", parameter.name, value.unwrap_or(f64::NAN));
@@ -90,6 +88,11 @@ impl NamedParameters {
     }
 }
 
-fn field_of(parameter: &Parameter) -> &'static str {
-    parameter.name.split('.').next().unwrap_or(parameter.name)
+/// The name of a parameter without its channel.
+fn field_of(parameter: &Parameter) -> &str {
+    let name: &str = &parameter.name;
+    match name.rsplit_once('.') {
+        Some((field, "r" | "g" | "b")) => field,
+        _ => name,
+    }
 }

@@ -12,101 +12,71 @@
 //! Difference: three published Fresnel fits (blue-fabric, white-fabric2, white-paint) dip below zero; the lobe is clamped
 //! at zero, since no reflectance is negative. Cost: at most six exponentials, powers or logarithms a channel, skipped where they round to nothing.
 
-use super::{AnalyticBrdf, HalfVector, ModelError, Parameter, checked, colour};
+use super::{HalfVector, ModelError, model};
+use crate::math::dual::Scalar;
 use crate::math::{Rgb, Vec3};
 use std::f64::consts::{FRAC_1_PI, PI};
 
-/// The eleven parameters of each channel; the symbols are those of the module documentation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sgd {
-    pub kd: Rgb,
-    pub ks: Rgb,
-    pub f0: Rgb,
-    pub f1: Rgb,
-    pub alpha: Rgb,
-    pub p: Rgb,
-    pub kappa: Rgb,
-    pub lambda: Rgb,
-    pub c: Rgb,
-    pub k: Rgb,
-    pub theta0: Rgb,
+// The bounds are wide enough for the published fits, whose masking coefficient c reaches 1e109 where it switches a lobe
+// off.
+model! {
+    /// The eleven parameters of each channel; the symbols are those of the module documentation.
+    Sgd = "sgd" {
+        kd: Colour("1", (0.0, 1.0), 0.2),
+        ks: Colour("1", (0.0, 10.0), 0.1),
+        f0: Colour("1", (-20.0, 20.0), 0.2),
+        f1: Colour("1", (-20.0, 20.0), 0.0),
+        alpha: Colour("1", (1e-8, 10.0), 0.1),
+        p: Colour("1", (0.0, 100.0), 0.5),
+        kappa: Colour("1", (0.0, 1e7), 10.0),
+        lambda: Colour("1", (1e-12, 1e9), 3.0),
+        c: Colour("1", (1e-120, 1e120), 0.1),
+        k: Colour("1", (1e-3, 1e4), 10.0),
+        theta0: Colour("rad", (-PI, PI), 0.0),
+    }
 }
 
 impl Sgd {
     /// From the eleven colours in the order of the fields.
     pub fn from_rows(rows: [Rgb; 11]) -> Result<Self, ModelError> {
         let [kd, ks, f0, f1, alpha, p, kappa, lambda, c, k, theta0] = rows;
-        checked(Self { kd, ks, f0, f1, alpha, p, kappa, lambda, c, k, theta0 })
+        Self::new(kd, ks, f0, f1, alpha, p, kappa, lambda, c, k, theta0)
     }
+}
 
-    fn rows(&self) -> [Rgb; 11] {
-        let Self { kd, ks, f0, f1, alpha, p, kappa, lambda, c, k, theta0 } = *self;
-        [kd, ks, f0, f1, alpha, p, kappa, lambda, c, k, theta0]
-    }
-
+impl<S: Scalar> Sgd<S> {
     /// Smith-like masking of one direction at polar angle `theta` (radians) in one channel.
-    fn masking(&self, channel: usize, theta: f64) -> f64 {
-        let beyond = theta - self.theta0[channel];
-        if beyond <= 0.0 {
-            return 1.0;
+    fn masking(&self, channel: usize, theta: f64) -> S {
+        let one = S::from(1.0);
+        let beyond = S::from(theta) - self.theta0[channel];
+        if beyond.value() <= 0.0 {
+            return one;
         }
         let loss = self.c[channel] * beyond.powf(self.k[channel]);
         // lambda is at most 1e9: below this the masking rounds to 1.
-        if loss < 1e-26 {
-            return 1.0;
+        if loss.value() < 1e-26 {
+            return one;
         }
-        (1.0 - self.lambda[channel] * (loss.exp() - 1.0)).clamp(0.0, 1.0)
-    }
-}
-
-pub(super) fn schema() -> Vec<Parameter> {
-    // Wide enough for the published fits, whose masking coefficient c reaches 1e109 where it switches a lobe off.
-    [
-        colour!("kd", "1", 0.0, 1.0),
-        colour!("ks", "1", 0.0, 10.0),
-        colour!("f0", "1", -20.0, 20.0),
-        colour!("f1", "1", -20.0, 20.0),
-        colour!("alpha", "1", 1e-8, 10.0),
-        colour!("p", "1", 0.0, 100.0),
-        colour!("kappa", "1", 0.0, 1e7),
-        colour!("lambda", "1", 1e-12, 1e9),
-        colour!("c", "1", 1e-120, 1e120),
-        colour!("k", "1", 1e-3, 1e4),
-        colour!("theta0", "rad", -PI, PI),
-    ]
-    .concat()
-}
-
-impl AnalyticBrdf for Sgd {
-    fn model(&self) -> &'static str {
-        "sgd"
+        (one - self.lambda[channel] * (loss.exp() - 1.0)).max(S::from(0.0)).min(one)
     }
 
-    fn schema(&self) -> Vec<Parameter> {
-        schema()
-    }
-
-    fn parameters(&self) -> Vec<f64> {
-        self.rows().concat()
-    }
-
-    fn value(&self, wi: Vec3, wo: Vec3) -> Rgb {
+    fn formula(&self, wi: Vec3, wo: Vec3) -> [S; 3] {
         let h = HalfVector::new(wi, wo);
         let (theta_i, theta_o) = (wi.z.min(1.0).acos(), wo.z.min(1.0).acos());
         let grazing = (1.0 - h.cos_theta_d).powi(5);
         let cos4 = h.cos_theta_h.powi(4);
         std::array::from_fn(|c| {
-            let x = self.alpha[c] + h.tan2_theta_h / self.alpha[c];
+            let x = self.alpha[c] + S::from(h.tan2_theta_h) / self.alpha[c];
             let exponent = -x - self.p[c] * x.ln();
-            let mut lobe = 0.0;
+            let mut lobe = S::from(0.0);
             // exp(-700) times any allowed factor is nothing.
-            if exponent > -700.0 {
-                let fresnel = self.f0[c] - self.f1[c] * h.cos_theta_d + grazing * (1.0 - self.f0[c]);
+            if exponent.value() > -700.0 {
+                let fresnel = self.f0[c] - self.f1[c] * h.cos_theta_d + (S::from(1.0) - self.f0[c]) * grazing;
                 let d = self.kappa[c] * exponent.exp() * FRAC_1_PI / cos4;
                 let g = self.masking(c, theta_i) * self.masking(c, theta_o);
-                lobe = (self.ks[c] * fresnel * d * g / (wi.z * wo.z)).max(0.0);
+                lobe = (self.ks[c] * fresnel * d * g / (wi.z * wo.z)).max(S::from(0.0));
             }
-            FRAC_1_PI * (self.kd[c] + lobe)
+            (self.kd[c] + lobe) * FRAC_1_PI
         })
     }
 }

@@ -165,8 +165,6 @@ fn an_unknown_material_brings_the_nearest_names() {
         text.contains("abc has no parameter `etta`; did you mean eta") && text.contains("kd, a, b, c, eta"),
         "{text}"
     );
-    let text = message(open("ngan_he.fit:teflon", &data));
-    assert!(text.contains("ngan_he.fit:") && text.contains("`NganHe` is not implemented"), "{text}");
 }
 
 #[test]

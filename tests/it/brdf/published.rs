@@ -3,6 +3,7 @@
 use super::{data, open};
 use rayon::prelude::*;
 use std::path::Path;
+use vernis::brdf::models::Dupuy;
 use vernis::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf, formats};
 use vernis::math::coordinates::{HalfDifference, half_difference_directions, standard_directions};
 use vernis::math::{Rgb, Vec3, seed};
@@ -91,9 +92,12 @@ fn median(mut values: Vec<f64>) -> f64 {
     0.5 * (values[n / 2] + values[(n - 1) / 2])
 }
 
-/// Median distance to the networks that stand in for the measured materials, from a reconstruction of the published
-/// models on the full grid: .20, .32, .33, .48, .49, .49, given to two digits. The tolerance is that rounding (.005) plus
-/// what the coarser grid does to a median: .009 for the factors, whose full grid gives .3405 here, allowed .015.
+/// Median distance to the networks that stand in for the measured materials.
+///
+/// The first six are from a reconstruction of the published models on the full grid, given to two digits. The tolerance
+/// is that rounding (.005) plus what the coarser grid does to a median: .009 for the factors, whose full grid gives .3405
+/// here, allowed .015. The others were measured with this code, so they only hold the reading of the parameters fast: a
+/// factor of pi before the lobe moves those of Cook-Torrance and Ashikhmin-Shirley by .09 at the least.
 #[test]
 fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
     let Some(data) = data() else { return };
@@ -104,6 +108,15 @@ fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
         ("ngan_ward.fit", 86, 0.48),
         ("ngan_blinnphong.fit", 86, 0.49),
         ("ngan_lafortune.fit", 86, 0.49),
+        ("ngan_wardduer.fit", 86, 0.46),
+        ("ngan_cooktorrance.fit", 86, 0.41),
+        ("ngan_ashikhminshirley.fit", 86, 0.395),
+        ("ngan_he.fit", 86, 0.45),
+        ("low_cooktorrance_E1.fit", 100, 0.39),
+        ("low_cooktorrance_E2.fit", 100, 0.33),
+        ("low_ashikhminshirley_E1.fit", 100, 0.39),
+        ("low_ashikhminshirley_E2.fit", 100, 0.34),
+        ("low_lowsmooth_E2.fit", 100, 0.22),
     ] {
         let folder = if file == "npf.bin" { "bagher2016-npf" } else { "published-fits" };
         let materials = formats::materials(&data.join(folder).join(file)).expect("materials of a published file");
@@ -117,6 +130,24 @@ fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
         println!("{file}: median D9.Cl {found:.4}");
         assert!((found - expected).abs() < 0.02, "{file}: {found}");
     }
+}
+
+/// The models that power iteration makes of the networks themselves; no outside value is known, so this says only that an
+/// extraction is nearer to its material than the published fits of a few parameters are.
+#[test]
+fn facets_read_off_a_material_resemble_it() {
+    let Some(data) = data() else { return };
+    let materials = formats::materials(&data.join("nbrdf/merl_nbrdf.zip")).expect("materials of the archive");
+    let distances = materials.par_iter().map(|material| {
+        let reference = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("network of a material");
+        let table = Dupuy::from_retroreflection(&*reference).expect("materials reflect");
+        let models = [table.ggx(), table.beckmann()].map(|model| model.expect("a roughness"));
+        [&table, &models[0], &models[1]].map(|model| log_cosine_distance(&*reference, model))
+    });
+    let distances: Vec<[f64; 3]> = distances.collect();
+    let [table, ggx, beckmann] = std::array::from_fn(|k| median(distances.iter().map(|d| d[k]).collect()));
+    println!("power iteration: median D9.Cl {table:.4}, GGX {ggx:.4}, Beckmann {beckmann:.4}");
+    assert!(table < 0.4, "{table}");
 }
 
 /// Where the order of the rows departs from that of the names, each row is nearer to its own network than to the other.
@@ -186,6 +217,14 @@ fn every_published_entry_opens_and_gives_a_table_without_gaps() {
         ("published-fits", "ngan_wardduer.fit"),
         ("published-fits", "ngan_blinnphong.fit"),
         ("published-fits", "ngan_lafortune.fit"),
+        ("published-fits", "ngan_cooktorrance.fit"),
+        ("published-fits", "ngan_ashikhminshirley.fit"),
+        ("published-fits", "ngan_he.fit"),
+        ("published-fits", "low_cooktorrance_E1.fit"),
+        ("published-fits", "low_cooktorrance_E2.fit"),
+        ("published-fits", "low_ashikhminshirley_E1.fit"),
+        ("published-fits", "low_ashikhminshirley_E2.fit"),
+        ("published-fits", "low_lowsmooth_E2.fit"),
         ("bagher2016-npf", "npf.bin"),
     ] {
         let materials = formats::materials(&data.join(folder).join(file)).expect("materials");

@@ -1,0 +1,247 @@
+//! Dual numbers: a value and its derivatives with respect to N variables, carried through a formula (forward mode).
+//!
+//!   (a, a') + (b, b') = (a + b, a' + b'),  (a, a') (b, b') = (a b, a' b + a b'),  g((a, a')) = (g(a), g'(a) a')
+//!
+//! [`Scalar`] is what a formula may do with its numbers; written over it, one formula serves plain `f64` (with the same
+//! operations in the same order) and [`Dual`]. At a kink (`abs`, `max`, `min`) the derivative is that of the branch that
+//! gives the value; where a derivative is infinite (the root of zero) it counts as zero.
+//! Source: Griewank & Walther 2008, *Evaluating Derivatives*, chapter 3, doi:10.1137/1.9780898717761.
+//! Cost: of a formula with N variables, about 1 + N times that of the value, in arrays that vectorise.
+
+use super::erf::erf;
+use std::f64::consts::FRAC_2_SQRT_PI;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A real number as formulas need it.
+pub trait Scalar:
+    Copy
+    + From<f64>
+    + Neg<Output = Self>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<f64, Output = Self>
+    + Div<f64, Output = Self>
+{
+    /// The number without its derivatives.
+    fn value(self) -> f64;
+    fn exp(self) -> Self;
+    fn ln(self) -> Self;
+    fn sqrt(self) -> Self;
+    /// The error function.
+    fn erf(self) -> Self;
+    fn powi(self, exponent: i32) -> Self;
+    /// `self` to the power `exponent`; `self` is not negative.
+    fn powf(self, exponent: Self) -> Self;
+
+    fn abs(self) -> Self {
+        if self.value() < 0.0 { -self } else { self }
+    }
+
+    fn max(self, other: Self) -> Self {
+        if self.value() >= other.value() { self } else { other }
+    }
+
+    fn min(self, other: Self) -> Self {
+        if self.value() <= other.value() { self } else { other }
+    }
+}
+
+impl Scalar for f64 {
+    fn value(self) -> f64 {
+        self
+    }
+
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+
+    fn ln(self) -> Self {
+        f64::ln(self)
+    }
+
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+
+    fn erf(self) -> Self {
+        erf(self)
+    }
+
+    fn powi(self, exponent: i32) -> Self {
+        f64::powi(self, exponent)
+    }
+
+    fn powf(self, exponent: Self) -> Self {
+        f64::powf(self, exponent)
+    }
+}
+
+/// A value and its derivatives with respect to N variables.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dual<const N: usize> {
+    pub value: f64,
+    /// One derivative a variable, in units of the value per unit of the variable.
+    pub derivatives: [f64; N],
+}
+
+impl<const N: usize> Dual<N> {
+    /// Variable number `slot`, at `value`.
+    pub fn variable(value: f64, slot: usize) -> Self {
+        Self { value, derivatives: std::array::from_fn(|k| if k == slot { 1.0 } else { 0.0 }) }
+    }
+
+    /// g(self), given g and its slope at the value.
+    fn chain(self, value: f64, slope: f64) -> Self {
+        Self { value, derivatives: self.derivatives.map(|d| slope * d) }
+    }
+
+    /// The value together with `a` times the derivatives of `self` plus `b` times those of `other`.
+    fn combine(self, other: Self, value: f64, a: f64, b: f64) -> Self {
+        let derivatives = std::array::from_fn(|k| a * self.derivatives[k] + b * other.derivatives[k]);
+        Self { value, derivatives }
+    }
+}
+
+impl<const N: usize> Scalar for Dual<N> {
+    fn value(self) -> f64 {
+        self.value
+    }
+
+    fn exp(self) -> Self {
+        let e = self.value.exp();
+        self.chain(e, e)
+    }
+
+    fn ln(self) -> Self {
+        self.chain(self.value.ln(), 1.0 / self.value)
+    }
+
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.chain(root, if root > 0.0 { 0.5 / root } else { 0.0 })
+    }
+
+    fn erf(self) -> Self {
+        self.chain(erf(self.value), FRAC_2_SQRT_PI * (-self.value * self.value).exp())
+    }
+
+    fn powi(self, exponent: i32) -> Self {
+        self.chain(self.value.powi(exponent), f64::from(exponent) * self.value.powi(exponent - 1))
+    }
+
+    fn powf(self, exponent: Self) -> Self {
+        let power = self.value.powf(exponent.value);
+        // The power of zero is flat in both, but for exponents up to 1, where it has no slope to speak of.
+        let (a, b) =
+            if self.value > 0.0 { (exponent.value * power / self.value, power * self.value.ln()) } else { (0.0, 0.0) };
+        self.combine(exponent, power, a, b)
+    }
+}
+
+impl<const N: usize> From<f64> for Dual<N> {
+    fn from(value: f64) -> Self {
+        Self { value, derivatives: [0.0; N] }
+    }
+}
+
+impl<const N: usize> Neg for Dual<N> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.chain(-self.value, -1.0)
+    }
+}
+
+impl<const N: usize> Add for Dual<N> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.combine(other, self.value + other.value, 1.0, 1.0)
+    }
+}
+
+impl<const N: usize> Sub for Dual<N> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.combine(other, self.value - other.value, 1.0, -1.0)
+    }
+}
+
+impl<const N: usize> Mul for Dual<N> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.combine(other, self.value * other.value, other.value, self.value)
+    }
+}
+
+impl<const N: usize> Div for Dual<N> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        let quotient = self.value / other.value;
+        self.combine(other, quotient, 1.0 / other.value, -quotient / other.value)
+    }
+}
+
+impl<const N: usize> Add<f64> for Dual<N> {
+    type Output = Self;
+    fn add(self, other: f64) -> Self {
+        Self { value: self.value + other, ..self }
+    }
+}
+
+impl<const N: usize> Sub<f64> for Dual<N> {
+    type Output = Self;
+    fn sub(self, other: f64) -> Self {
+        Self { value: self.value - other, ..self }
+    }
+}
+
+impl<const N: usize> Mul<f64> for Dual<N> {
+    type Output = Self;
+    fn mul(self, other: f64) -> Self {
+        self.chain(self.value * other, other)
+    }
+}
+
+impl<const N: usize> Div<f64> for Dual<N> {
+    type Output = Self;
+    fn div(self, other: f64) -> Self {
+        self.chain(self.value / other, 1.0 / other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every operation once, in two variables.
+    fn formula<S: Scalar>(x: S, y: S) -> S {
+        let a = (x * y + 0.3).exp() / (y.sqrt() - 4.0) * 2.0;
+        let b = (x / 3.0).powf(y) + y.ln() - (-x).powi(3) + (x - y).erf();
+        (a - b).abs() + x.max(y) * x.min(S::from(0.9))
+    }
+
+    #[test]
+    fn derivatives_are_the_limits_of_differences() {
+        for (x, y) in [(0.7, 1.3), (1.9, 0.4), (0.05, 2.5)] {
+            let dual = formula(Dual::<2>::variable(x, 0), Dual::variable(y, 1));
+            assert_eq!(dual.value, formula(x, y));
+            let h = 1e-6;
+            let dx = (formula(x + h, y) - formula(x - h, y)) / (2.0 * h);
+            let dy = (formula(x, y + h) - formula(x, y - h)) / (2.0 * h);
+            for (found, expected) in dual.derivatives.into_iter().zip([dx, dy]) {
+                // Third derivatives of order 100 times h^2, and 1e-16/h from rounding.
+                assert!((found - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn roots_and_powers_of_zero_are_flat() {
+        let zero = Dual::<1>::variable(0.0, 0);
+        assert_eq!(zero.sqrt().derivatives, [0.0]);
+        assert_eq!(zero.powf(Dual::from(0.5)).derivatives, [0.0]);
+    }
+}

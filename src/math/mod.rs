@@ -1,4 +1,5 @@
-//! Directions, coordinates, colour spaces, correlations, the logistic curve, dense layers and seeds.
+//! Directions, coordinates, colour spaces, correlations, quantiles, least squares, the logistic curve, dense layers and
+//! seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
@@ -6,7 +7,9 @@ pub mod color;
 pub mod coordinates;
 pub mod correlation;
 pub mod layers;
+pub mod least_squares;
 pub mod logistic;
+pub mod quantile;
 pub mod seed;
 mod vec3;
 

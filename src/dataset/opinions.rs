@@ -96,7 +96,7 @@ impl StudyOpinions {
             }
         }
         let files = self.files.iter().chain(&raw.files).cloned().collect();
-        Self { name: self.name.clone(), files, ..raw }
+        Self { name: self.name.clone(), synthetic: self.synthetic || raw.synthetic, files, ..raw }
     }
 }
 

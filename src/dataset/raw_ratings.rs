@@ -234,3 +234,82 @@ impl<'a> Rows<'a> {
 fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
     DatasetError::Field { path: path.into(), line, field: field.into(), found, allowed }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str, layout: &RawLayout) -> Result<(Vec<Stimulus>, RawRatings), DatasetError> {
+        parse(Path::new("r.csv"), text.as_bytes(), layout)
+    }
+
+    const HEAD: &str = "participant,material,method,score";
+
+    #[test]
+    fn rows_become_judgements_and_gold_answers() {
+        let text = "score,participant,illumination,material,method,seconds,gold,material_type,group\n\
+                    4,ann,grace,steel,SGD,3.5,,Metal,metals\n2,bob,grace,steel,SGD,,,Metal,metals\n\
+                    5,bob,uffizi,steel,REFERENCE,1,,Metal,metals\n\n1,ann,grace,x,y,2,5,,\n";
+        let (stimuli, raw) = read(text, &RawLayout::default()).unwrap();
+        assert_eq!(raw.participants, ["ann", "bob"]);
+        let found: Vec<_> = raw.judgements.iter().map(|j| (j.participant, j.stimulus, j.score, j.seconds)).collect();
+        assert_eq!(found, [(0, 0, 4.0, Some(3.5)), (1, 0, 2.0, None), (1, 1, 5.0, Some(1.0))]);
+        assert_eq!(raw.gold, [GoldAnswer { participant: 0, score: 1.0, expected: 5.0, seconds: Some(2.0) }]);
+        assert_eq!(stimuli.len(), 2);
+        assert!(stimuli[1].is_reference() && !stimuli[0].is_reference());
+        assert_eq!((stimuli[1].illumination.as_deref(), stimuli[0].group.as_str()), (Some("uffizi"), "metals"));
+        assert_eq!(stimuli[0].material_type.as_deref(), Some("Metal"));
+    }
+
+    #[test]
+    fn a_layout_maps_other_columns() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+        write("e.csv", "id;worker;BRDF;model;answer\n1;w1;steel;GROUND;4\n2;w2;steel;SGD;2\n");
+        let map = "file = \"e.csv\"\ndelimiter = \";\"\nreference_method = \"GROUND\"\n[columns]\n\
+                   participant = \"worker\"\nmaterial = \"BRDF\"\nmethod = \"model\"\nscore = \"answer\"\n";
+        write("e.toml", map);
+        let opinions = StudyOpinions::load_raw(&dir.path().join("e.toml")).unwrap();
+        assert!(opinions.stimuli[0].is_reference() && opinions.stimuli[1].method == "SGD");
+        assert_eq!((opinions.name.as_str(), opinions.files[0].name.as_str()), ("e", "e.csv"));
+        let broken = |text: &str| {
+            write("b.toml", text);
+            StudyOpinions::load_raw(&dir.path().join("b.toml")).unwrap_err().to_string()
+        };
+        assert!(broken("delimiter = \";\"\n").contains("b.toml: `file` is missing"));
+        assert!(
+            broken("file = \"e.csv\"\n[columns]\nrater = \"w\"\n").contains("columns: found `rater`; allowed: part")
+        );
+        assert!(broken("file = \"e.csv\"\ndelimiter = \"§\"\n").contains("delimiter: found `§`"));
+        let message = broken(&map.replace("answer", "score"));
+        assert!(message.contains("e.csv: line 1: column `score` is missing; allowed: worker, BRDF"), "{message}");
+    }
+
+    #[test]
+    fn every_error_names_file_line_field_found_and_allowed() {
+        for (text, expected) in [
+            ("participant,material,score\n".into(), "line 1: column `method` is missing; allowed: participant,"),
+            (format!("{HEAD},mood\n"), "line 1: a column is `mood`; allowed: participant, material, method"),
+            (format!("{HEAD},score\n"), "line 1: a column is `score` twice"),
+            (format!("{HEAD}\na,m,S,3\na,m\n"), "line 3: the number of fields is 2; allowed: 4"),
+            (format!("{HEAD}\na,m,S,6\n"), "line 2: score is `6`; allowed: 1 (very poor) to 5"),
+            (format!("{HEAD}\na,m,S,NaN\n"), "line 2: score is `NaN`"),
+            (format!("{HEAD}\na,,S,3\n"), "line 2: material is empty"),
+            (
+                format!("{HEAD}\na,m,S,3\nb,m,S,3\n\na,m,S,4\n"),
+                "line 5: the row is a second score of a for m, S; allowed",
+            ),
+            (format!("{HEAD},seconds\na,m,S,3,-1\n"), "line 2: seconds is `-1`"),
+            (format!("{HEAD},gold\na,m,S,3,9\n"), "line 2: gold is `9`; allowed: 1"),
+            (format!("{HEAD},group\na,m,S,3,g\nb,m,S,3,h\n"), "line 3: group is `h`; allowed: `g`, that of material m"),
+            (format!("{HEAD},illumination\na,m,S,3,x\nb,m,S,3,\n"), "line 3: illumination is empty; allowed: a value"),
+        ] {
+            let message = read(&text, &RawLayout::default()).err().map(|e| e.to_string()).unwrap_or_default();
+            assert!(message.starts_with(&format!("r.csv: {expected}")), "{message}");
+        }
+        let refused = |text: String| read(&text, &RawLayout::default()).unwrap_err().to_string();
+        let message = refused(format!("{HEAD}\na,m,S,3\na,n,S,3\n"));
+        assert_eq!(message, "r.csv: all scores are of one participant, a; allowed: at least 2");
+        assert!(refused(format!("{HEAD},gold\na,m,S,3,3\n")).contains("no judgement of a stimulus"));
+    }
+}

@@ -16,6 +16,8 @@ use std::collections::BTreeSet;
 /// What is asked of [`describe`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
+    /// What was asked, for the head of the record.
+    pub command: String,
     /// Of splits and resamples: the same seed gives the same record.
     pub seed: u64,
     /// Random splits of the panel.
@@ -29,7 +31,8 @@ pub struct Options {
 impl Default for Options {
     /// 100 splits as in Lavoue et al. 2021, 1000 resamples, and the checks that they rejected by: gold and time.
     fn default() -> Self {
-        Self { seed: 1, splits: 100, resamples: 1000, rejecting: vec![Criterion::Gold, Criterion::Time] }
+        let rejecting = vec![Criterion::Gold, Criterion::Time];
+        Self { command: String::new(), seed: 1, splits: 100, resamples: 1000, rejecting }
     }
 }
 
@@ -67,6 +70,9 @@ pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord,
     let boxes = comparison.boxes();
     let mut record = StudyRecord {
         study: study.name.clone(),
+        command: options.command.clone(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        data: study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).collect(),
         synthetic: study.synthetic,
         found: study.completeness.found,
         known: study.completeness.known,

@@ -14,7 +14,7 @@
 
 use super::distribution::f_upper;
 use super::error::StudyError;
-use super::moments::Moments;
+use super::moments::{Moments, negligible};
 use crate::math::least_squares::Span;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -89,6 +89,10 @@ pub fn anova(response: &[f64], factors: &[Factor]) -> Result<Anova, StudyError> 
     let all: Vec<u32> = (1..1 << factors.len()).collect();
     let (unexplained, parameters) = fit(&all);
     let residual = within + unexplained;
+    let squares: f64 = response.iter().map(|y| y * y).sum();
+    if negligible(residual, squares.sqrt()) {
+        return Err(StudyError::NoSpread { what: "rows of a cell" });
+    }
     let saturated = StudyError::Saturated { rows: response.len(), parameters };
     let residual_freedom = response.len().checked_sub(parameters).filter(|&d| d > 0).ok_or(saturated)?;
 

@@ -12,7 +12,7 @@
 
 use super::distribution::{f_975, f_upper};
 use super::error::{StudyError, at_least};
-use super::moments::Moments;
+use super::moments::{Moments, negligible};
 use crate::math::quantile::Interval;
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +60,9 @@ pub fn one_way(scores: &[Vec<f64>]) -> Result<Intraclass, StudyError> {
     let between = groups.iter().map(|g| g.n as f64 * (g.mean - mean).powi(2)).sum::<f64>() / (n - 1.0);
     let within = groups.iter().map(|g| g.variance.unwrap_or(0.0) * (g.n as f64 - 1.0)).sum::<f64>() / (all - n);
     let k = (all - groups.iter().map(|g| (g.n * g.n) as f64).sum::<f64>() / all) / (n - 1.0);
+    if negligible(within, mean) {
+        return Err(no_spread());
+    }
     let (f, freedom) = (between / within, [n - 1.0, all - n]);
     let p = f_upper(f, freedom[0], freedom[1]).ok_or_else(no_spread)?;
     let low = f / f_975(freedom[0], freedom[1]).ok_or_else(no_spread)?;
@@ -88,6 +91,9 @@ pub fn two_way(scores: &[Vec<f64>]) -> Result<Intraclass, StudyError> {
         s.iter().zip(&columns).map(|(x, column)| (x - row - column + mean).powi(2)).sum()
     };
     let mse = scores.iter().zip(&rows).map(rest).sum::<f64>() / ((n - 1.0) * (k - 1.0));
+    if negligible(mse, mean) {
+        return Err(no_spread());
+    }
     let single = (msr - mse) / (msr + (k - 1.0) * mse + k * (msc - mse) / n);
     let (f, freedom) = (msr / mse, [n - 1.0, (n - 1.0) * (k - 1.0)]);
     let p = f_upper(f, freedom[0], freedom[1]).ok_or_else(no_spread)?;
@@ -186,6 +192,8 @@ mod tests {
     fn what_has_no_noise_or_no_size_is_refused() {
         assert!(matches!(one_way(&[vec![1.0, 1.0], vec![2.0, 2.0]]), Err(StudyError::NoSpread { .. })));
         assert!(matches!(one_way(&[vec![1.0], vec![2.0]]), Err(StudyError::TooFew { found: 1, .. })));
+        // Raters who differ by a constant alone.
+        assert!(matches!(two_way(&[vec![1.1, 2.1], vec![2.3, 3.3]]), Err(StudyError::NoSpread { .. })));
         assert!(matches!(two_way(&[vec![1.0], vec![2.0]]), Err(StudyError::TooFew { found: 1, .. })));
         assert!(matches!(two_way(&[vec![1.0, 2.0]]), Err(StudyError::TooFew { found: 1, .. })));
     }

@@ -25,6 +25,11 @@ impl Moments {
     }
 }
 
+/// Whether a variance is no more than what rounding leaves of numbers of the size `scale` that are all equal.
+pub fn negligible(variance: f64, scale: f64) -> bool {
+    variance <= (1e-12 * scale).powi(2)
+}
+
 /// A mean over repetitions and their standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeanAndDeviation {

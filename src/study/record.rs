@@ -12,11 +12,18 @@ use super::t_test::TTest;
 use crate::dataset::opinions::Stimulus;
 use crate::math::quantile::Interval;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// The statistics of a study. What the study does not allow is `None` and named in `missing`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StudyRecord {
     pub study: String,
+    /// How the record was asked for.
+    pub command: String,
+    /// Of this crate.
+    pub version: String,
+    /// SHA-256 of the files that were read, by name.
+    pub data: BTreeMap<String, String>,
     /// Ratings come from simulated observers and say nothing about people.
     pub synthetic: bool,
     /// Rated stimuli that were found, and those of the whole study.

@@ -124,9 +124,9 @@ mod tests {
 
     fn raw(scores: &[Vec<f64>]) -> RawRatings {
         let participants = (0..scores[0].len()).map(|p| format!("p{p}")).collect();
-        let judgement = |stimulus, participant, &score| Judgement { participant, stimulus, score, seconds: None };
+        let judgement = |stimulus, participant, score| Judgement { participant, stimulus, score, seconds: None };
         let row = |(s, scores): (usize, &Vec<f64>)| -> Vec<Judgement> {
-            scores.iter().enumerate().map(|(p, score)| judgement(s, p, score)).collect()
+            scores.iter().enumerate().map(|(p, &score)| judgement(s, p, score)).collect()
         };
         RawRatings { participants, judgements: scores.iter().enumerate().flat_map(row).collect(), gold: vec![] }
     }

@@ -8,7 +8,7 @@
 
 use super::distribution::{t_975, t_two_sided};
 use super::error::{StudyError, at_least};
-use super::moments::Moments;
+use super::moments::{Moments, negligible};
 use crate::math::quantile::Interval;
 use serde::{Deserialize, Serialize};
 
@@ -43,19 +43,18 @@ pub fn welch(a: &[f64], b: &[f64]) -> Result<TTest, StudyError> {
 pub fn paired(a: &[f64], b: &[f64]) -> Result<TTest, StudyError> {
     let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
     at_least("pairs of values in a t-test", differences.len(), 2)?;
-    let few = StudyError::NoSpread { what: "paired values" };
     let n = differences.len();
     match (Moments::of(&a[..n]), Moments::of(&b[..n]), Moments::of(&differences).and_then(|m| m.variance)) {
         (Some(ma), Some(mb), Some(v)) => finish([ma, mb], (v / n as f64).sqrt(), n as f64 - 1.0),
-        _ => Err(few),
+        _ => Err(StudyError::NoSpread { what: "paired values" }),
     }
 }
 
 fn finish([a, b]: [Moments; 2], error: f64, freedom: f64) -> Result<TTest, StudyError> {
     let difference = a.mean - b.mean;
     let t = difference / error;
-    // No spread at all makes t infinite or undefined.
-    let (Some(p), Some(width)) = (t_two_sided(t, freedom), t_975(freedom)) else {
+    let spread = !negligible(error * error, a.mean.abs().max(b.mean.abs()));
+    let (true, Some(p), Some(width)) = (spread, t_two_sided(t, freedom), t_975(freedom)) else {
         return Err(StudyError::NoSpread { what: "the values" });
     };
     let interval = Interval { low: difference - width * error, high: difference + width * error };
@@ -108,6 +107,8 @@ mod tests {
         assert!(matches!(welch(&[1.0], &A), Err(StudyError::TooFew { found: 1, .. })));
         assert!(matches!(welch(&[2.0; 3], &[2.0; 4]), Err(StudyError::NoSpread { .. })));
         assert!(matches!(paired(&A, &A), Err(StudyError::NoSpread { .. })));
+        // A shift that rounds a little differently in each pair is no noise.
+        assert!(matches!(paired(&A.map(|a| a + 0.1), &A), Err(StudyError::NoSpread { .. })));
         assert!(matches!(paired(&[], &[]), Err(StudyError::TooFew { found: 0, .. })));
     }
 }

@@ -2,9 +2,9 @@
 //!
 //! * The 30 observers of [`super::panel`] grade every pair under the illumination [`STUDIO`]; their means are the
 //!   study's MOS.
-//! * Every third pair again under [`OVERCAST`], where each is [`OVERCAST_SHIFT`] grades better, never beyond 5.
+//! * About a third of the pairs again under [`OVERCAST`], where each is [`OVERCAST_SHIFT`] grades better, never beyond 5.
 //! * Each reference as a hidden candidate of itself under both, of quality [`HIDDEN_REFERENCE`] under both.
-//! * [`GOLD`] control questions, of quality 1 and 5 in turn.
+//! * [`GOLD`] control questions, of which nobody who looks is unsure: quality [`BEYOND`] below 1 and above 5 in turn.
 //! * Then [`CARELESS`] participants who answer everything at random and at once, as screening should find.
 //!
 //! A careful answer takes 4 s (log-normal, .4), a careless one .3 s. Cost: 40,000 grades.
@@ -28,6 +28,8 @@ pub const OVERCAST_SHIFT: f64 = 0.15;
 pub const HIDDEN_REFERENCE: f64 = 4.75;
 /// Control questions.
 pub const GOLD: usize = 12;
+/// How far control questions lie beyond the ends of the scale, in grades.
+pub const BEYOND: f64 = 1.5;
 /// Participants who do not look.
 pub const CARELESS: usize = 3;
 
@@ -44,8 +46,9 @@ pub struct Sessions {
 pub fn simulate(made: &SyntheticStudy, seed: u64) -> Sessions {
     let (stimuli, quality) = stimuli(made);
     let gold: Vec<f64> = (0..GOLD).map(|i| if i % 2 == 0 { 1.0 } else { 5.0 }).collect();
+    let obvious: Vec<f64> = gold.iter().map(|e| if *e < 3.0 { e - BEYOND } else { e + BEYOND }).collect();
     // The grades of a pair depend on its place alone, so that those of the study stay as they are.
-    let grades = grade(&[quality.as_slice(), &gold].concat(), seed);
+    let grades = grade(&[quality.as_slice(), &obvious].concat(), seed);
     let mut raw = RawRatings { participants: Vec::new(), judgements: Vec::new(), gold: Vec::new() };
     for participant in 0..OBSERVERS + CARELESS {
         let mut rng = seed::stream(seed, "synthetic-session", participant as u64);
@@ -83,7 +86,9 @@ fn stimuli(made: &SyntheticStudy) -> (Vec<Stimulus>, Vec<f64>) {
     let hidden = |s: &Stimulus| (s.material.clone(), Stimulus { method: REFERENCE.into(), ..s.clone() });
     let references: BTreeMap<String, Stimulus> = pairs.iter().map(|(s, _)| hidden(s)).collect();
     let studio = pairs.iter().map(|(s, q)| (lit(s, STUDIO), *q));
-    let overcast = pairs.iter().step_by(3).map(|(s, q)| (lit(s, OVERCAST), (q + OVERCAST_SHIFT).min(5.0)));
+    let mut rng = seed::stream(0, "synthetic-overcast", 0);
+    let third: Vec<&(Stimulus, f64)> = pairs.iter().filter(|_| rng.random_range(0..3) == 0).collect();
+    let overcast = third.iter().map(|(s, q)| (lit(s, OVERCAST), (q + OVERCAST_SHIFT).min(5.0)));
     let both = references.values().flat_map(|s| [STUDIO, OVERCAST].map(|light| (lit(s, light), HIDDEN_REFERENCE)));
     studio.chain(overcast).chain(both).unzip()
 }

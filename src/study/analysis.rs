@@ -137,11 +137,10 @@ fn reliability(
 /// The part of a panel that passed the screening.
 struct Kept {
     panel: Panel,
-    names: Vec<String>,
-    /// By stimulus.
+    /// Who is left, and how much each judged.
+    names: Vec<(String, usize)>,
+    /// By stimulus, in the order of `names` as far as they rated it.
     scores: Vec<Vec<f64>>,
-    /// By stimulus and place in `names`; `None` where the participant did not rate it.
-    by_participant: Vec<Vec<Option<f64>>>,
 }
 
 impl Kept {
@@ -154,13 +153,12 @@ impl Kept {
         }
         let mut place = vec![None; screened.len()];
         left.iter().enumerate().for_each(|(at, &i)| place[i] = Some(at));
-        let mut by_participant = vec![vec![None; left.len()]; stimuli];
+        let mut scores: Vec<Vec<(usize, f64)>> = vec![Vec::new(); stimuli];
         for j in &raw.judgements {
-            if let Some(at) = place[j.participant] {
-                by_participant[j.stimulus][at] = Some(j.score);
-            }
+            scores[j.stimulus].extend(place[j.participant].map(|at| (at, j.score)));
         }
-        let scores: Vec<Vec<f64>> = by_participant.iter().map(|s| s.iter().flatten().copied().collect()).collect();
+        scores.iter_mut().for_each(|s| s.sort_by_key(|(at, _)| *at));
+        let scores: Vec<Vec<f64>> = scores.into_iter().map(|s| s.into_iter().map(|(_, x)| x).collect()).collect();
         let each = |numbers: Vec<f64>| MeanAndDeviation::of(&numbers);
         let panel = Panel {
             rejecting: options.rejecting.clone(),
@@ -170,8 +168,8 @@ impl Kept {
             raters_each: each(scores.iter().filter(|s| !s.is_empty()).map(|s| s.len() as f64).collect()),
             screened,
         };
-        let names = left.iter().map(|&i| raw.participants[i].clone()).collect();
-        Ok(Self { panel, names, scores, by_participant })
+        let names = left.iter().map(|&i| (raw.participants[i].clone(), panel.screened[i].judgements)).collect();
+        Ok(Self { panel, names, scores })
     }
 
     /// Mean opinions of the stimuli that somebody is left for.
@@ -185,11 +183,9 @@ impl Kept {
     /// ICC(2,1) and ICC(2,k), where everybody rated everything.
     fn two_way(&self, study: &StudyOpinions) -> Result<Intraclass, StudyError> {
         let stimuli = study.stimuli.len();
-        for (at, name) in self.names.iter().enumerate() {
-            let missing = self.by_participant.iter().filter(|s| s[at].is_none()).count();
-            if missing > 0 {
-                return Err(StudyError::Incomplete { participant: name.clone(), missing, stimuli });
-            }
+        if let Some((participant, judged)) = self.names.iter().find(|(_, judged)| *judged < stimuli) {
+            let (participant, missing) = (participant.clone(), stimuli - judged);
+            return Err(StudyError::Incomplete { participant, missing, stimuli });
         }
         two_way(&self.scores)
     }

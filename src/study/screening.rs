@@ -47,7 +47,7 @@ pub struct Participant {
 
 /// Checks every participant.
 pub fn screen(raw: &RawRatings, stimuli: usize) -> Vec<Participant> {
-    let mut checked: Vec<Participant> = raw.participants.iter().enumerate().map(|(i, n)| careless(raw, i, n)).collect();
+    let mut checked = careless(raw);
     let looked = |p: usize| checked[p].fails.is_empty();
     let counts = beyond(raw, stimuli, looked);
     for (participant, [above, below]) in checked.iter_mut().zip(counts).filter(|(p, _)| p.fails.is_empty()) {
@@ -60,26 +60,48 @@ pub fn screen(raw: &RawRatings, stimuli: usize) -> Vec<Participant> {
     checked
 }
 
-/// The gold and time checks.
-fn careless(raw: &RawRatings, index: usize, name: &str) -> Participant {
-    let own = || raw.judgements.iter().filter(|j| j.participant == index);
-    let gold: Vec<_> = raw.gold.iter().filter(|g| g.participant == index).collect();
-    let mean = |values: Vec<f64>| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
-    let correct = |s: f64, e: f64| f64::from(u8::from((s - e).abs() <= GOLD_TOLERANCE));
-    let gold_accuracy = mean(gold.iter().map(|g| correct(g.score, g.expected)).collect());
-    let seconds = mean(own().filter_map(|j| j.seconds).chain(gold.iter().filter_map(|g| g.seconds)).collect());
-    let failed = [
-        (Criterion::Gold, gold_accuracy.is_some_and(|a| a < GOLD_ACCURACY)),
-        (Criterion::Time, seconds.is_some_and(|s| s < LEAST_SECONDS)),
-    ];
-    Participant {
-        name: name.to_owned(),
-        judgements: own().count(),
-        gold_accuracy,
-        seconds,
-        beyond: None,
-        fails: failed.into_iter().filter(|f| f.1).map(|f| f.0).collect(),
+/// A mean that grows value by value.
+#[derive(Clone, Default)]
+struct Running {
+    sum: f64,
+    n: usize,
+}
+
+impl Running {
+    fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.n += 1;
     }
+
+    fn mean(&self) -> Option<f64> {
+        (self.n > 0).then(|| self.sum / self.n as f64)
+    }
+}
+
+/// The gold and time checks.
+fn careless(raw: &RawRatings) -> Vec<Participant> {
+    let people = raw.participants.len();
+    let (mut gold, mut seconds) = (vec![Running::default(); people], vec![Running::default(); people]);
+    let mut judgements = vec![0; people];
+    for j in &raw.judgements {
+        judgements[j.participant] += 1;
+        j.seconds.into_iter().for_each(|s| seconds[j.participant].add(s));
+    }
+    for g in &raw.gold {
+        let correct = (g.score - g.expected).abs() <= GOLD_TOLERANCE;
+        gold[g.participant].add(f64::from(u8::from(correct)));
+        g.seconds.into_iter().for_each(|s| seconds[g.participant].add(s));
+    }
+    let check = |(i, name): (usize, &String)| {
+        let (gold_accuracy, seconds) = (gold[i].mean(), seconds[i].mean());
+        let failed = [
+            (Criterion::Gold, gold_accuracy.is_some_and(|a| a < GOLD_ACCURACY)),
+            (Criterion::Time, seconds.is_some_and(|s| s < LEAST_SECONDS)),
+        ];
+        let fails = failed.into_iter().filter(|f| f.1).map(|f| f.0).collect();
+        Participant { name: name.clone(), judgements: judgements[i], gold_accuracy, seconds, beyond: None, fails }
+    };
+    raw.participants.iter().enumerate().map(check).collect()
 }
 
 /// P and Q of every participant, among the scores of those who `looked`.

@@ -20,7 +20,7 @@ Examples:
   vernis compare alum-bronze.binary ward.json
   vernis compare merl_nbrdf.zip:teflon 'low_lowmicrofacet_E2.fit:teflon?eta=2.5' --metric vernis --metric D9.Cl
   vernis compare a.binary b.binary --metric all-lp --json
-  vernis compare a.binary b.binary --metric out/synthetic.vernis.json")]
+  vernis compare a.binary b.binary --metric out/synthetic/vernis-synthetic.vernis.json")]
 pub struct CompareArgs {
     /// The reference.
     reference: String,

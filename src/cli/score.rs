@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "\
 PAIRS.csv has a header with at least the columns `reference` and `candidate`, each a BRDF as `vernis compare --help`
 describes. The output has the same rows in order, one more column a metric, and `mos`, `mos_low`, `mos_high` for a learned
-one (followed by `:NAME` for every learned metric after the first).
+one (followed by `:NAME` for every learned metric after the first, and where PAIRS.csv has a `mos` of its own).
 
 Examples:
   vernis score pairs.csv --metric vernis --metric D9.Cl --out scores.csv
@@ -118,7 +118,8 @@ fn to_csv(pairs: &Pairs, found: &[Vec<Distance>]) -> Result<Vec<u8>> {
     let first = found.first().map(Vec::as_slice).unwrap_or_default();
     header.extend(first.iter().map(|d| d.metric.clone()));
     for (i, d) in first.iter().filter(|d| d.score.is_some()).enumerate() {
-        let suffix = if i == 0 { String::new() } else { format!(":{}", d.metric) };
+        let plain = i == 0 && !pairs.header.iter().any(|column| column == "mos");
+        let suffix = if plain { String::new() } else { format!(":{}", d.metric) };
         header.extend(["mos", "mos_low", "mos_high"].map(|c| format!("{c}{suffix}")));
     }
     writer.write_record(&header)?;

@@ -157,6 +157,9 @@ impl Job {
         if options.resamples < 2 {
             return Err(user_error(format!("--resamples: found {}, allowed 2 or more", options.resamples)));
         }
+        if options.folds.is_some_and(|folds| folds < 2) {
+            return Err(user_error("--folds: found fewer than 2, allowed 2 or more"));
+        }
         let study = load_study(shared, options)?;
         let folds = folds_of(options, &study);
         study.validate(folds).map_err(user_error)?;

@@ -100,26 +100,48 @@ impl Operator {
 
     /// The pictures of a table of [`NODES`] values: one a light, linear RGB radiance, one entry a pixel.
     pub fn apply(&self, table: &[[f32; 3]]) -> Vec<Vec<Rgb>> {
-        let channels = 3 * self.lights;
-        let rows: Vec<Vec<f64>> = (0..self.pixels())
-            .into_par_iter()
-            .with_min_len(64)
-            .map(|p| {
-                let entries = self.start[p] as usize..self.start[p + 1] as usize;
-                let mut sum = vec![0.0f64; channels];
-                let weights = &self.weight[entries.start * channels..entries.end * channels];
-                for (&node, weights) in self.node[entries].iter().zip(weights.chunks_exact(channels)) {
-                    let f = table[node as usize].map(f64::from);
-                    for (sum, w) in sum.chunks_exact_mut(3).zip(weights.chunks_exact(3)) {
-                        (0..3).for_each(|c| sum[c] += f64::from(w[c]) * f[c]);
-                    }
-                }
-                sum
-            })
-            .collect();
+        let row = |p| match self.lights {
+            // The usual number, in registers.
+            4 => self.row::<12>(p, table),
+            _ => self.row_of_any(p, table),
+        };
+        let rows: Vec<Vec<f64>> = (0..self.pixels()).into_par_iter().with_min_len(64).map(row).collect();
         (0..self.lights)
             .map(|l| rows.iter().map(|row| [row[3 * l], row[3 * l + 1], row[3 * l + 2]]).collect())
             .collect()
+    }
+
+    /// Nodes and weights of pixel `p`, with the number of weights a node.
+    fn entries(&self, p: usize) -> (&[u16], &[f32], usize) {
+        let channels = 3 * self.lights;
+        let (start, end) = (self.start[p] as usize, self.start[p + 1] as usize);
+        (&self.node[start..end], &self.weight[start * channels..end * channels], channels)
+    }
+
+    /// Pixel `p` under each light, three channels a light, `CHANNELS` in all.
+    fn row<const CHANNELS: usize>(&self, p: usize, table: &[[f32; 3]]) -> Vec<f64> {
+        let (nodes, weights, _) = self.entries(p);
+        let mut sum = [0.0f64; CHANNELS];
+        for (&node, weights) in nodes.iter().zip(weights.as_chunks::<CHANNELS>().0) {
+            let f = table[node as usize].map(f64::from);
+            for c in 0..CHANNELS {
+                sum[c] += f64::from(weights[c]) * f[c % 3];
+            }
+        }
+        sum.to_vec()
+    }
+
+    /// [`Operator::row`] for any number of lights.
+    fn row_of_any(&self, p: usize, table: &[[f32; 3]]) -> Vec<f64> {
+        let (nodes, weights, channels) = self.entries(p);
+        let mut sum = vec![0.0f64; channels];
+        for (&node, weights) in nodes.iter().zip(weights.chunks_exact(channels)) {
+            let f = table[node as usize].map(f64::from);
+            for (c, (sum, w)) in sum.iter_mut().zip(weights).enumerate() {
+                *sum += f64::from(*w) * f[c % 3];
+            }
+        }
+        sum
     }
 }
 

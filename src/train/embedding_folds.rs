@@ -5,14 +5,14 @@
 
 use super::TrainError;
 use super::embedding::PrincipalComponents;
-use super::neural::autoencoder::Autoencoder;
+use super::neural::{Autoencoder, LEAK};
 use crate::brdf::BrdfSource;
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
-use crate::descriptor::embedding::{LogSpace, log_map};
-use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Setup};
-use ndarray::{Array2, ArrayView2, Axis, concatenate};
+use crate::descriptor::embedding::{EmbeddingParts, LogSpace, log_map};
+use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Embedding, NodeTable, Setup};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -20,6 +20,8 @@ use thiserror::Error;
 
 /// Coordinates of an embedding.
 const DIMENSION: usize = 8;
+/// The logarithms that embeddings are learned from.
+const SPACE: LogSpace = LogSpace::Opponent;
 
 #[derive(Debug, Error)]
 pub enum EmbeddingError {
@@ -34,9 +36,6 @@ pub enum EmbeddingError {
     #[error("embedding {name}: {found} columns for {expected} rows")]
     Shape { name: &'static str, found: usize, expected: usize },
 }
-
-/// From a table to coordinates.
-type Embed = Box<dyn Fn(&[f64]) -> Vec<f64> + Sync>;
 
 /// How an embedding is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,30 +52,38 @@ impl Learner {
         }
     }
 
-    /// From a table to coordinates, learned on the rows.
-    fn learn(self, rows: &Array2<f64>, seed: u64) -> Result<Embed, TrainError> {
-        match self {
+    /// The embedding learned on the rows, which are tables in the logarithms of [`SPACE`].
+    fn learn(self, rows: &Array2<f64>, seed: u64) -> Result<Embedding, EmbeddingError> {
+        let (components, scale, layers) = match self {
             Self::PrincipalComponents => {
                 let count = DIMENSION.min(rows.nrows().saturating_sub(1)).max(1);
-                let found = PrincipalComponents::fit(rows.view(), count)?;
-                Ok(Box::new(move |row| found.scores(row)))
+                (PrincipalComponents::fit(rows.view(), count)?, 1.0, Vec::new())
             }
             Self::Autoencoder => {
                 let found = Autoencoder { code: DIMENSION, ..Autoencoder::default() }.train(rows.view(), seed)?;
-                Ok(Box::new(move |row| found.encode(row)))
+                (found.components, found.scale, found.layers)
             }
-        }
+        };
+        let component = |row: ArrayView1<'_, f64>| row.iter().map(|c| (c / scale) as f32).collect();
+        Ok(Embedding::new(EmbeddingParts {
+            name: self.name().to_owned(),
+            space: SPACE,
+            mean: components.mean.iter().map(|&m| m as f32).collect(),
+            components: components.components.outer_iter().map(component).collect(),
+            layers,
+            slope: LEAK,
+        })?)
     }
 }
 
-/// Log-mapped tables of a study.
+/// Tables of a study.
 pub struct TableBank {
     /// By material: its group and its table.
-    references: BTreeMap<String, (String, Vec<f64>)>,
+    references: BTreeMap<String, (String, NodeTable)>,
     /// By row.
-    candidates: Vec<Vec<f64>>,
+    candidates: Vec<NodeTable>,
     /// Measured materials that nobody rated.
-    others: Vec<Vec<f64>>,
+    others: Vec<NodeTable>,
 }
 
 impl TableBank {
@@ -88,13 +95,13 @@ impl TableBank {
         cache: Option<&Cache>,
         setup: &Setup,
     ) -> Result<Self, DescriptorError> {
-        let table = |source: &BrdfSource| -> Result<Vec<f64>, DescriptorError> {
+        let table = |source: &BrdfSource| -> Result<NodeTable, DescriptorError> {
             let open = source.open(base)?;
             let features = match cache {
                 Some(cache) => cache.features(&open, setup)?.0,
                 None => BrdfFeatures::compute(open.brdf.as_ref(), setup)?,
             };
-            Ok(log_map(features.table(), LogSpace::Opponent))
+            Ok(features.table().clone())
         };
         let mut first_of: BTreeMap<&str, &crate::dataset::RatedPair> = BTreeMap::new();
         for pair in &study.pairs {
@@ -119,21 +126,22 @@ impl TableBank {
     ) -> Result<Samples, EmbeddingError> {
         let known =
             self.references.values().filter(|(group, _)| !held.contains(group.as_str())).map(|(_, table)| table);
-        let rows: Vec<&Vec<f64>> = known.chain(&self.others).collect();
-        let width = rows.first().map_or(0, |r| r.len());
-        let flat: Vec<f64> = rows.iter().flat_map(|r| r.iter().copied()).collect();
+        let rows: Vec<Vec<f64>> = known.chain(&self.others).map(|table| log_map(table, SPACE)).collect();
+        let width = rows.first().map_or(0, Vec::len);
+        let flat = rows.concat();
         let shape = |found, expected| EmbeddingError::Shape { name: learner.name(), found, expected };
         let matrix = Array2::from_shape_vec((rows.len(), width), flat).map_err(|_| shape(width, rows.len()))?;
-        let embed = learner.learn(&matrix, seed)?;
+        let embedding = learner.learn(&matrix, seed)?;
         let references: BTreeMap<&str, Vec<f64>> =
-            self.references.par_iter().map(|(m, (_, table))| (m.as_str(), embed(table))).collect();
+            self.references.par_iter().map(|(m, (_, t))| (m.as_str(), embedding.coordinates(t))).collect();
         let differences: Vec<Vec<f64>> = samples
             .rows()
             .par_iter()
             .zip(&self.candidates)
             .map(|(row, table)| {
                 let reference = references.get(row.material.as_str());
-                embed(table).iter().zip(reference.into_iter().flatten()).map(|(c, r)| c - r).collect()
+                let candidate = embedding.coordinates(table);
+                candidate.iter().zip(reference.into_iter().flatten()).map(|(c, r)| c - r).collect()
             })
             .collect();
         let dimension = differences.first().map_or(0, Vec::len);

@@ -1,14 +1,14 @@
 //! A study becomes a matrix: one row a rated pair, one column a descriptor or a classical distance.
 //!
 //! Descriptors come from [`crate::descriptor::Extractor`], the Lp distances from one pass over each pair of tables; both
-//! are cached by the content of the BRDFs. Memory: two tables of 38 MB a worker thread, 400 kB a BRDF.
+//! are cached by the content of the BRDFs. Memory: at most 93 MB a worker thread, 400 kB a BRDF.
 
-use crate::brdf::{BrdfError, BrdfSource, Grid, OpenBrdf, TableError, TabulatedBrdf};
+use crate::brdf::{BrdfError, BrdfSource, OpenBrdf};
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::descriptor::{Cache, CacheWarning, DescriptorError, DescriptorSet, Extractor, Progress, Setup};
 use crate::metric::MetricError;
-use crate::metric::lp::{LpDistances, LpVariant};
+use crate::metric::lp::{LpDistances, LpReference, LpVariant};
 use ndarray::{Array2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ use thiserror::Error;
 pub const LP_FAMILY: &str = "lp";
 
 /// Part of the cache key of Lp distances: raise it when one of them changes.
-const LP_VERSION: u32 = 1;
+const LP_VERSION: u32 = 2;
 
 #[derive(Debug, Error)]
 pub enum MatrixError {
@@ -28,8 +28,6 @@ pub enum MatrixError {
     Descriptor(#[from] DescriptorError),
     #[error(transparent)]
     Open(#[from] BrdfError),
-    #[error("{notation}: {source}")]
-    Table { notation: String, source: TableError },
     #[error("{reference} against {candidate}: {source}")]
     Lp { reference: String, candidate: String, source: MetricError },
     #[error(transparent)]
@@ -90,7 +88,7 @@ impl MatrixBuilder<'_> {
         Ok(StudyMatrix { samples: samples.with_swapped(beside_lp(&extraction.swapped)?)?, warnings })
     }
 
-    /// Pairs x the 36 variants. Pairs of one reference are done together, so that its table is made once.
+    /// Pairs x the 36 variants. Pairs of one reference are done together, so that it is evaluated once.
     fn lp_distances(
         &self,
         pairs: &[(BrdfSource, BrdfSource)],
@@ -101,11 +99,11 @@ impl MatrixBuilder<'_> {
         let of_group = |indices: &Vec<usize>| -> Result<Vec<LpRow>, MatrixError> {
             let Some(&first) = indices.first() else { return Ok(Vec::new()) };
             let reference = pairs[first].0.open(self.base)?;
-            let mut table = None;
+            let mut evaluated = None;
             let mut found = Vec::with_capacity(indices.len());
             for &i in indices {
                 let candidate = pairs[i].1.open(self.base)?;
-                let (values, warning) = self.lp_of_pair(&reference, &candidate, &mut table)?;
+                let (values, warning) = self.lp_of_pair(&reference, &candidate, &mut evaluated)?;
                 found.push((i, values, warning));
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 (self.progress)("Lp distances", Progress { done, total });
@@ -127,24 +125,21 @@ impl MatrixBuilder<'_> {
         &self,
         reference: &OpenBrdf,
         candidate: &OpenBrdf,
-        table: &mut Option<TabulatedBrdf>,
+        evaluated: &mut Option<LpReference>,
     ) -> Result<(Vec<f64>, Option<CacheWarning>), MatrixError> {
         let key = format!("lp {LP_VERSION} {} {}", reference.content, candidate.content);
         if let Some(kept) = self.cache.and_then(|c| c.load_values(&key)) {
             return Ok((kept, None));
         }
-        let tabulate = |open: &OpenBrdf| {
-            TabulatedBrdf::tabulate(open.brdf.as_ref(), Grid::TITOPO)
-                .map_err(|source| MatrixError::Table { notation: open.notation.clone(), source })
-        };
-        let reference_table = match table {
-            Some(table) => table,
-            None => table.insert(tabulate(reference)?),
-        };
-        let distances = LpDistances::of_study_between(reference_table, candidate.brdf.as_ref()).map_err(|source| {
+        let failed = |source| {
             let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
             MatrixError::Lp { reference, candidate, source }
-        })?;
+        };
+        let prepared = match evaluated {
+            Some(prepared) => prepared,
+            None => evaluated.insert(LpReference::new(reference.brdf.as_ref()).map_err(failed)?),
+        };
+        let distances = LpDistances::of_study_from(prepared, candidate.brdf.as_ref()).map_err(failed)?;
         let values: Vec<f64> = distances.of_study().map(|(_, value)| value).collect();
         let warning = self.cache.and_then(|c| c.store_values(&key, &values).err());
         Ok((values, warning))

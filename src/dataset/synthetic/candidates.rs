@@ -8,14 +8,14 @@
 //! | LOST-HAZE | LOST-HAZE | the widest of several lobes gone; on cloth, sheen and retroreflection too |
 //! | WRONG-LOBE | WRONG-LOBE | another distribution of the same width at half maximum |
 //! | NOISE | NOISE | times exp(smooth noise over half/difference angles) |
-//! | STEP.1 to 3 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .25, .75 |
-//! | WARD, BLINN-PHONG | their own | a diffuse and a specular lobe of that model, refitted to peak, width and floor |
+//! | STEP.1, STEP.2 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .5 |
+//! | WARD | WARD | a diffuse and a specular lobe of that model, refitted to peak, width and floor |
 //!
 //! Strengths are drawn from a fixed stream, so the candidates are always the same.
 
 use super::materials::NamedMaterial;
 use super::reflectance::{Distribution, Lobe, Material};
-use crate::brdf::models::{BlinnPhong, ModelError, Ward, WardForm};
+use crate::brdf::models::{ModelError, Ward, WardForm};
 use crate::brdf::{Brdf, ContentHash, OpenBrdf};
 use crate::math::color::luminance;
 use crate::math::coordinates::{HalfDifference, fold_reciprocal, half_difference, half_difference_directions};
@@ -33,7 +33,6 @@ pub enum Recipe {
     Noisy { base: Material, amplitude: f64, seed: u64 },
     Blend { from: Material, to: Material, t: f64 },
     Ward { kd: Rgb, ks: Rgb, alpha: f64 },
-    BlinnPhong { kd: Rgb, ks: Rgb, n: f64 },
 }
 
 /// A candidate with its method and the method's family.
@@ -45,7 +44,7 @@ pub struct Candidate {
 }
 
 /// Part of every content hash: goes up when the formulas of this folder change a value.
-const VERSION: &str = "vernis synthetic 1";
+const VERSION: &str = "vernis synthetic 2";
 
 impl Recipe {
     /// The BRDF under `name`, as `BrdfSource::Generated` wants it.
@@ -62,7 +61,6 @@ impl Recipe {
             Self::Noisy { base, amplitude, seed } => Arc::new(Noisy { base, amplitude, lattice: Lattice::new(seed) }),
             Self::Blend { from, to, t } => Arc::new(Blend { from, to, t }),
             Self::Ward { kd, ks, alpha } => Arc::new(Ward::new(kd, ks, alpha, WardForm::Duer)?),
-            Self::BlinnPhong { kd, ks, n } => Arc::new(BlinnPhong::new(kd, ks, n)?),
         })
     }
 }
@@ -86,12 +84,10 @@ pub fn of(reference: &NamedMaterial, target: &Material, rng: &mut ChaCha8Rng) ->
     }
     let amplitude = 0.2 + 1.3 * rng.random::<f64>();
     all.push(made("NOISE", "NOISE", Recipe::Noisy { base: m.clone(), amplitude, seed: rng.next_u64() }));
-    for (method, t) in [("STEP.1", 0.06), ("STEP.2", 0.25), ("STEP.3", 0.75)] {
+    for (method, t) in [("STEP.1", 0.06), ("STEP.2", 0.5)] {
         all.push(made(method, "STEPS", Recipe::Blend { from: m.clone(), to: target.clone(), t }));
     }
-    let profile = Profile::of(m);
-    all.push(made("WARD", "WARD", profile.ward()));
-    all.push(made("BLINN-PHONG", "BLINN-PHONG", profile.blinn_phong()));
+    all.push(made("WARD", "WARD", Profile::of(m).ward()));
     all
 }
 
@@ -192,12 +188,6 @@ impl Profile {
         let alpha = (self.half_width / 2f64.ln().sqrt()).clamp(1e-3, 2.0);
         Recipe::Ward { kd: self.kd, ks: self.peak.map(|p| (p * 4.0 * PI * alpha * alpha).min(10.0)), alpha }
     }
-
-    fn blinn_phong(&self) -> Recipe {
-        // cos^n = 1/2 at the half width: n = -ln 2/ln cos.
-        let n = 2f64.ln() / (0.5 * (self.half_width * self.half_width).ln_1p());
-        Recipe::BlinnPhong { kd: self.kd, ks: self.peak.map(|p| (p * 2.0 * PI / (n + 2.0)).min(10.0)), n }
-    }
 }
 
 /// Geometric blend of two materials, offset so that black stays finite.
@@ -207,18 +197,32 @@ struct Blend {
     t: f64,
 }
 
+impl Blend {
+    fn between(&self, a: Rgb, b: Rgb) -> Rgb {
+        const OFFSET: f64 = 1e-3;
+        std::array::from_fn(|c| {
+            let ratio = (b[c] + OFFSET) / (a[c] + OFFSET);
+            ((a[c] + OFFSET) * ratio.powf(self.t) - OFFSET).max(0.0)
+        })
+    }
+}
+
 impl Brdf for Blend {
     fn is_mirror_symmetric(&self) -> bool {
         true
     }
 
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
-        const OFFSET: f64 = 1e-3;
-        let (a, b) = (self.from.eval(wi, wo)?, self.to.eval(wi, wo)?);
-        Some(std::array::from_fn(|c| {
-            let ratio = (b[c] + OFFSET) / (a[c] + OFFSET);
-            ((a[c] + OFFSET) * ratio.powf(self.t) - OFFSET).max(0.0)
-        }))
+        Some(self.between(self.from.eval(wi, wo)?, self.to.eval(wi, wo)?))
+    }
+
+    fn eval_batch(&self, wi: &[Vec3], wo: &[Vec3], out: &mut [Option<Rgb>]) {
+        let mut to = vec![None; out.len()];
+        self.from.eval_batch(wi, wo, out);
+        self.to.eval_batch(wi, wo, &mut to);
+        for (out, to) in out.iter_mut().zip(to) {
+            *out = out.zip(to).map(|(a, b)| self.between(a, b));
+        }
     }
 }
 
@@ -308,8 +312,8 @@ mod tests {
         let all = materials::all();
         for (i, m) in all.iter().enumerate() {
             let candidates = of(m, &all[(i + 7) % all.len()].material, &mut seed::stream(1, "test", i as u64));
-            let families: std::collections::BTreeSet<_> = candidates.iter().map(|c| c.family).collect();
-            assert!(families.len() >= 8, "{}: {families:?}", m.name);
+            let kinds: std::collections::BTreeSet<_> = candidates.iter().map(|c| c.method).collect();
+            assert!(kinds.len() >= 8, "{}: {kinds:?}", m.name);
             let reference = Recipe::Material(m.material.clone());
             assert!(candidates.iter().all(|c| c.recipe != reference), "{}", m.name);
             for c in &candidates {

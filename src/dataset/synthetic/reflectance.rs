@@ -133,18 +133,38 @@ fn schlick(c: f64) -> f64 {
     m * m * m * m * m
 }
 
-/// D V of a lobe, without Fresnel.
-fn lobe_shape(distribution: Distribution, alpha: f64, g: &Geometry) -> f64 {
+/// V of a lobe.
+fn visibility(alpha: f64, [ci, co]: [f64; 2]) -> f64 {
     let a2 = alpha * alpha;
     let masking = |c: f64| 1.0 / (c + (a2 + (1.0 - a2) * c * c).sqrt());
-    distribution.density(g.ch * g.ch, a2) * masking(g.ci) * masking(g.co)
+    masking(ci) * masking(co)
+}
+
+/// What depends on the polar angles alone, and so stays along an azimuth.
+struct Polar {
+    /// cos theta_i, cos theta_o
+    cosines: [f64; 2],
+    /// Of each lobe.
+    visibility: Vec<f64>,
+    /// Visibility of the coat's own lobe, and what the coat lets through on the way in and out.
+    coat: Option<(f64, [Rgb; 2])>,
 }
 
 impl Material {
-    fn body(&self, g: &Geometry) -> Rgb {
+    fn polar(&self, cosines: [f64; 2]) -> Polar {
+        let of_coat = |c: &Coat| (visibility(c.alpha, cosines), cosines.map(|cos| c.transmittance(cos)));
+        Polar {
+            cosines,
+            visibility: self.lobes.iter().map(|l| visibility(l.alpha, cosines)).collect(),
+            coat: self.coat.as_ref().map(of_coat),
+        }
+    }
+
+    fn body(&self, g: &Geometry, polar: &Polar) -> Rgb {
         let mut f = self.kd.map(|k| k * FRAC_1_PI * oren_nayar(self.sigma, g));
-        for lobe in &self.lobes {
-            let shape = lobe.weight * lobe_shape(lobe.distribution, lobe.alpha, g);
+        for (lobe, visibility) in self.lobes.iter().zip(&polar.visibility) {
+            let density = lobe.distribution.density(g.ch * g.ch, lobe.alpha * lobe.alpha);
+            let shape = lobe.weight * density * visibility;
             let rise = lobe.fresnel * schlick(g.cd);
             (0..3).for_each(|c| f[c] += shape * (lobe.f0[c] + (1.0 - lobe.f0[c]) * rise));
         }
@@ -159,6 +179,16 @@ impl Material {
             (0..3).for_each(|c| f[c] += r.colour[c] * shape);
         }
         f
+    }
+
+    /// Above the horizon.
+    fn value(&self, wi: Vec3, wo: Vec3, polar: &Polar) -> Rgb {
+        let g = Geometry::new(wi, wo);
+        let body = self.body(&g, polar);
+        let (Some(coat), Some((visibility, [ti, to]))) = (&self.coat, &polar.coat) else { return body };
+        let shape = Distribution::Ggx.density(g.ch * g.ch, coat.alpha * coat.alpha) * visibility;
+        let gloss = shape * (coat.f0 + coat.fresnel * (1.0 - coat.f0) * schlick(g.cd));
+        std::array::from_fn(|c| gloss + ti[c] * to[c] * body[c])
     }
 }
 
@@ -188,13 +218,23 @@ impl Brdf for Material {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return Some([0.0; 3]);
         }
-        let g = Geometry::new(wi, wo);
-        let body = self.body(&g);
-        let Some(coat) = &self.coat else { return Some(body) };
-        let (ti, to) = (coat.transmittance(g.ci), coat.transmittance(g.co));
-        let gloss =
-            lobe_shape(Distribution::Ggx, coat.alpha, &g) * (coat.f0 + coat.fresnel * (1.0 - coat.f0) * schlick(g.cd));
-        Some(std::array::from_fn(|c| gloss + ti[c] * to[c] * body[c]))
+        Some(self.value(wi, wo, &self.polar([wi.z, wo.z])))
+    }
+
+    fn eval_batch(&self, wi: &[Vec3], wo: &[Vec3], out: &mut [Option<Rgb>]) {
+        // Batches run along azimuths.
+        let mut polar = self.polar([1.0; 2]);
+        for ((out, &wi), &wo) in out.iter_mut().zip(wi).zip(wo) {
+            let cosines = [wi.z, wo.z];
+            if wi.z <= 0.0 || wo.z <= 0.0 {
+                *out = Some([0.0; 3]);
+                continue;
+            }
+            if cosines != polar.cosines {
+                polar = self.polar(cosines);
+            }
+            *out = Some(self.value(wi, wo, &polar));
+        }
     }
 }
 

@@ -9,7 +9,38 @@ use rayon::prelude::*;
 /// One channel of a block.
 pub(super) type Plane = [f64; AZIMUTHS];
 
-/// The values of a BRDF at one (theta_i, theta_o) and all azimuth differences, one plane a channel.
+/// The first azimuths of a circle, 0 to 180 degrees, which tell the others where the two halves are mirror images.
+const HALF_CIRCLE: usize = AZIMUTHS / 2 + 1;
+
+/// Which azimuth each place of a plane holds. Both numbers are multiples of the kernel's groups.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Extent {
+    /// Places at the front whose terms count twice.
+    pub doubled: usize,
+    /// Places in use.
+    pub cells: usize,
+}
+
+impl Extent {
+    /// Every azimuth in its place.
+    pub const WHOLE: Self = Self { doubled: 0, cells: AZIMUTHS };
+    /// 1 to 179 degrees, which stand for two each, a gap, then 0 and 180 degrees and two gaps. Gaps are black in both
+    /// blocks: equal values add exactly zero.
+    pub const FOLDED: Self = Self { doubled: AZIMUTHS / 2, cells: AZIMUTHS / 2 + 4 };
+
+    fn azimuth(self, place: usize) -> Option<usize> {
+        let gap = self.doubled.wrapping_sub(1);
+        match place {
+            _ if self.doubled == 0 => Some(place),
+            _ if place < gap => Some(place + 1),
+            _ if place == self.doubled => Some(0),
+            _ if place == self.doubled + 1 => Some(AZIMUTHS / 2),
+            _ => None,
+        }
+    }
+}
+
+/// The values of a BRDF at one (theta_i, theta_o), one plane a channel.
 #[derive(Clone)]
 pub(super) struct Block {
     pub rgb: [Plane; 3],
@@ -21,7 +52,7 @@ impl Block {
         Self { rgb: [[0.0; AZIMUTHS]; 3], valid: [false; AZIMUTHS] }
     }
 
-    /// Fills the planes from interleaved samples.
+    /// Fills the planes from the samples of a whole circle.
     fn set<T: Copy + Into<f64>>(&mut self, values: &[[T; 3]], valid: &[bool]) {
         let [red, green, blue] = &mut self.rgb;
         for (k, value) in values.iter().enumerate().take(AZIMUTHS) {
@@ -30,13 +61,24 @@ impl Block {
         self.valid.copy_from_slice(valid);
     }
 
+    /// Fills the places of `extent` from the samples of a whole circle or of its first half.
+    fn place(&mut self, values: &[Option<Rgb>], extent: Extent) {
+        let [red, green, blue] = &mut self.rgb;
+        for place in 0..extent.cells {
+            let sample = extent.azimuth(place).and_then(|k| values[if k < values.len() { k } else { AZIMUTHS - k }]);
+            self.valid[place] = sample.is_some();
+            [red[place], green[place], blue[place]] = sample.unwrap_or_default();
+        }
+    }
+
     /// Blackens the cells that are invalid in either block, in both, and counts the others. Equal values add
     /// exactly zero to every sum, so that nothing after this needs the masks.
-    pub fn mask(&mut self, other: &mut Self) -> u64 {
-        let both = |(a, b): (&bool, &bool)| u64::from(*a & *b);
-        let count = self.valid.iter().zip(&other.valid).map(both).sum();
-        if count < AZIMUTHS as u64 {
-            for k in (0..AZIMUTHS).filter(|&k| !(self.valid[k] && other.valid[k])) {
+    pub fn mask(&mut self, other: &mut Self, extent: Extent) -> u64 {
+        let mut count = 0;
+        for k in 0..extent.cells {
+            if self.valid[k] && other.valid[k] {
+                count += if k < extent.doubled { 2 } else { 1 };
+            } else {
                 for plane in self.rgb.iter_mut().chain(&mut other.rgb) {
                     plane[k] = 0.0;
                 }
@@ -49,7 +91,10 @@ impl Block {
 /// A BRDF at the cells of [`Grid::TITOPO`].
 pub(super) trait Cells: Send + Sync {
     /// The block at theta_i = `i` degrees, theta_o = `o` degrees.
-    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError>;
+    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError>;
+
+    /// Whether every block is its own mirror image, azimuth k the same as 360 - k: it may be read folded.
+    fn is_mirror_symmetric(&self) -> bool;
 }
 
 fn range(i: usize, o: usize) -> std::ops::Range<usize> {
@@ -58,15 +103,23 @@ fn range(i: usize, o: usize) -> std::ops::Range<usize> {
 }
 
 impl<C: Cells> Cells for &C {
-    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
-        (**self).read(i, o, block)
+    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+        (**self).read(i, o, extent, block)
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        (**self).is_mirror_symmetric()
     }
 }
 
 impl Cells for TabulatedBrdf {
-    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
+    fn read(&self, i: usize, o: usize, _: Extent, block: &mut Block) -> Result<(), MetricError> {
         block.set(&self.values()[range(i, o)], &self.valid()[range(i, o)]);
         Ok(())
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        false
     }
 }
 
@@ -79,15 +132,13 @@ struct Evaluated<'a> {
 }
 
 impl Evaluated<'_> {
-    /// The values at one block; `None` where the BRDF has no measurement.
+    /// The values at one block; `None` where the BRDF has no measurement. Where the two halves of the circle are the
+    /// same, the first.
     fn evaluate(&self, i: usize, o: usize) -> Result<Vec<Option<Rgb>>, MetricError> {
-        // Where the two halves of a circle are the same, the first is enough.
-        let half = AZIMUTHS / 2;
-        let evaluated = if self.brdf.is_mirror_symmetric() { half + 1 } else { AZIMUTHS };
+        let evaluated = if self.brdf.is_mirror_symmetric() { HALF_CIRCLE } else { AZIMUTHS };
         let (wi, wo): (Vec<_>, Vec<_>) = range(i, o).take(evaluated).map(|cell| self.directions.get(cell)).unzip();
         let mut values = vec![None; evaluated];
         self.brdf.eval_batch(&wi, &wo, &mut values);
-        values.extend((evaluated..AZIMUTHS).map(|k| values[AZIMUTHS - k]).collect::<Vec<_>>());
         let bad = |value: &Option<Rgb>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
         match values.iter().position(bad) {
             None => Ok(values),
@@ -103,38 +154,39 @@ impl Evaluated<'_> {
 }
 
 impl Cells for Evaluated<'_> {
-    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
-        for (k, value) in self.evaluate(i, o)?.into_iter().enumerate() {
-            block.valid[k] = value.is_some();
-            let value = value.unwrap_or_default();
-            (0..3).for_each(|channel| block.rgb[channel][k] = value[channel]);
-        }
+    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+        block.place(&self.evaluate(i, o)?, extent);
         Ok(())
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        self.brdf.is_mirror_symmetric()
     }
 }
 
 /// A BRDF that has been evaluated once, to be compared many times.
 struct Samples {
-    values: Vec<Rgb>,
-    valid: Vec<bool>,
+    /// By theta_i, theta_o: what [`Evaluated::evaluate`] gave.
+    blocks: Vec<Vec<Option<Rgb>>>,
+    mirror_symmetric: bool,
 }
 
 impl Samples {
     fn of(brdf: &Evaluated) -> Result<Self, MetricError> {
-        let row = |i| (0..POLAR).map(|o| brdf.evaluate(i, o)).collect::<Result<Vec<_>, _>>();
-        let rows = (0..POLAR).into_par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
-        let cells = || rows.iter().flatten().flatten();
-        Ok(Self {
-            values: cells().map(|value| value.unwrap_or_default()).collect(),
-            valid: cells().map(Option::is_some).collect(),
-        })
+        let block = |k: usize| brdf.evaluate(k / POLAR, k % POLAR);
+        let blocks = (0..POLAR * POLAR).into_par_iter().map(block).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { blocks, mirror_symmetric: brdf.brdf.is_mirror_symmetric() })
     }
 }
 
 impl Cells for Samples {
-    fn read(&self, i: usize, o: usize, block: &mut Block) -> Result<(), MetricError> {
-        block.set(&self.values[range(i, o)], &self.valid[range(i, o)]);
+    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+        block.place(&self.blocks[i * POLAR + o], extent);
         Ok(())
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        self.mirror_symmetric
     }
 }
 
@@ -174,10 +226,26 @@ mod tests {
             block
         };
         let (mut a, mut b) = (filled(7), filled(100));
-        assert_eq!(a.mask(&mut b), AZIMUTHS as u64 - 2);
+        assert_eq!(a.mask(&mut b, Extent::WHOLE), AZIMUTHS as u64 - 2);
         for hole in [7, 100] {
             assert_eq!((a.rgb[2][hole], b.rgb[0][hole]), (0.0, 0.0));
         }
         assert_eq!(a.rgb[1][8], 2.0);
+    }
+
+    #[test]
+    fn a_folded_circle_has_every_azimuth_once_for_each_side() {
+        let mut counted = [0; AZIMUTHS];
+        for place in 0..Extent::FOLDED.cells {
+            let Some(k) = Extent::FOLDED.azimuth(place) else { continue };
+            counted[k] += 1;
+            if place < Extent::FOLDED.doubled {
+                counted[AZIMUTHS - k] += 1;
+            }
+        }
+        assert_eq!(counted, [1; AZIMUTHS]);
+        let mut block = Block::new();
+        block.place(&[Some([1.0; 3]); HALF_CIRCLE], Extent::FOLDED);
+        assert_eq!(block.clone().mask(&mut block, Extent::FOLDED), AZIMUTHS as u64);
     }
 }

@@ -1,9 +1,10 @@
 //! The sums over one block, compiled once for every x86-64 processor and once for those with AVX2.
 //!
 //! Loops run over fixed groups of [`LANES`] azimuths with one partial sum a lane, so that the order of additions, and
-//! with it every bit of the result, is the same whatever the instruction set.
+//! with it every bit of the result, is the same whatever the instruction set. Two BRDFs that are their own mirror images
+//! at the plane of incidence are folded ([`Extent::FOLDED`]): half the cells, counted twice.
 
-use super::block::{Block, Plane};
+use super::block::{Block, Extent, Plane};
 use super::elementary::{abs_ln_ratio, cbrt, cbrt_of_square};
 use super::variant::{Formula, LpVariant};
 use super::{AZIMUTHS, EPSILON, POLAR, POLAR_CLAMPED};
@@ -104,30 +105,30 @@ impl Workspace {
 
     /// The sums of the two blocks as they are and of their cube roots, `cosine` being c(theta_i, theta_o) of the
     /// logarithms.
-    pub fn sums(&mut self, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    pub fn sums(&mut self, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the function is safe but for its need of AVX2, which the processor has.
-            return unsafe { sums_avx2(self, cosine, work) };
+            return unsafe { sums_avx2(self, extent, cosine, work) };
         }
-        sums(self, cosine, work)
+        sums(self, extent, cosine, work)
     }
 }
 
 /// The very code of [`sums`]; the attribute lets the compiler use registers of four f64.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn sums_avx2(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
-    sums(space, cosine, work)
+fn sums_avx2(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    sums(space, extent, cosine, work)
 }
 
 #[inline(always)]
-fn sums(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+fn sums(space: &mut Workspace, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
     let Workspace { reference, candidate, roots, colours, terms } = space;
     let blocks = [&reference.rgb, &candidate.rgb];
     let mut sums = [BlockSums::default(); 2];
     if work.needs_cube_roots() {
-        cube_roots(blocks, roots);
+        cube_roots(blocks, roots, extent);
     }
     let [reference_root, candidate_root] = &*roots;
     let forms = [(blocks, &RADIANCE_FACTOR), ([reference_root, candidate_root], &RADIANCE_FACTOR_ROOT)];
@@ -136,30 +137,31 @@ fn sums(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
             let (r, a) = (&reference[channel], &candidate[channel]);
             let sums = &mut sums[form];
             if work.needs(form, Group::Powers) {
-                cellwise(r, a, terms, |r, a| (a - r).abs());
-                sums.square[channel] = sum_of_squares(terms);
-                sums.absolute[channel] = sum(terms, |d| d);
+                cellwise(r, a, terms, extent, |r, a| (a - r).abs());
+                sums.square[channel] = sum_of_squares(terms, extent);
+                sums.absolute[channel] = sum(terms, extent, |d| d);
             }
             if work.needs(form, Group::Roots) {
-                cellwise(r, a, terms, |r, a| cbrt_of_square((a - r).abs()));
-                sums.root[channel] = sum(terms, |t| t);
+                cellwise(r, a, terms, extent, |r, a| cbrt_of_square((a - r).abs()));
+                sums.root[channel] = sum(terms, extent, |t| t);
             }
             if work.needs(form, Group::Logs) {
-                cellwise(r, a, terms, |r, a| abs_ln_ratio(r * cosine + EPSILON, a * cosine + EPSILON));
-                sums.log[channel] = sum(terms, |l| l);
-                sums.log_square[channel] = sum_of_squares(terms);
+                cellwise(r, a, terms, extent, |r, a| abs_ln_ratio(r * cosine + EPSILON, a * cosine + EPSILON));
+                sums.log[channel] = sum(terms, extent, |l| l);
+                sums.log_square[channel] = sum_of_squares(terms, extent);
             }
         }
         if work.needs(form, Group::Lab) {
-            colour_coordinates([reference, candidate], colours, |rgb| cielab(rgb, relative_xyz));
-            sums[form].lab = colour_squares(colours, terms, |component| component);
+            colour_coordinates([reference, candidate], colours, extent, |rgb| cielab(rgb, relative_xyz));
+            sums[form].lab = colour_squares(colours, terms, extent, |component| component);
         }
     }
     if work.needs(0, Group::StudyLab) || work.needs(1, Group::StudyLab) {
-        colour_coordinates(blocks, colours, |rgb| study_lab(rgb, &STUDY_XYZ));
-        sums[0].study_lab = colour_squares(colours, terms, |component| component);
+        colour_coordinates(blocks, colours, extent, |rgb| study_lab(rgb, &STUDY_XYZ));
+        sums[0].study_lab = colour_squares(colours, terms, extent, |component| component);
         if work.needs(1, Group::StudyLab) {
-            sums[1].study_lab = colour_squares(colours, terms, |component| cbrt(component.abs()).copysign(component));
+            sums[1].study_lab =
+                colour_squares(colours, terms, extent, |component| cbrt(component.abs()).copysign(component));
         }
     }
     sums
@@ -167,35 +169,39 @@ fn sums(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
 
 /// Sum of `term(value)` over a plane, [`LANES`] partial sums at a time.
 #[inline(always)]
-fn sum(plane: &Plane, term: impl Fn(f64) -> f64) -> f64 {
+fn sum(plane: &Plane, extent: Extent, term: impl Fn(f64) -> f64) -> f64 {
     let mut lanes = [0.0; LANES];
-    for group in plane.as_chunks::<LANES>().0 {
-        for (lane, value) in lanes.iter_mut().zip(group) {
-            *lane += term(*value);
+    let mut add = |cells: &[f64]| {
+        for group in cells.as_chunks::<LANES>().0 {
+            for (lane, value) in lanes.iter_mut().zip(group) {
+                *lane += term(*value);
+            }
         }
-    }
+    };
+    add(&plane[..extent.doubled]);
+    add(&plane[..extent.cells]);
     // The halves of a register first.
     (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])
 }
 
 #[inline(always)]
-fn sum_of_squares(plane: &Plane) -> f64 {
-    sum(plane, |x| x * x)
+fn sum_of_squares(plane: &Plane, extent: Extent) -> f64 {
+    sum(plane, extent, |x| x * x)
 }
 
 /// `terms = combine(r, a)`, cell by cell.
 #[inline(always)]
-fn cellwise(r: &Plane, a: &Plane, terms: &mut Plane, combine: impl Fn(f64, f64) -> f64) {
-    for ((term, r), a) in terms.iter_mut().zip(r).zip(a) {
+fn cellwise(r: &Plane, a: &Plane, terms: &mut Plane, extent: Extent, combine: impl Fn(f64, f64) -> f64) {
+    for ((term, r), a) in terms[..extent.cells].iter_mut().zip(r).zip(a) {
         *term = combine(*r, *a);
     }
 }
 
 #[inline(always)]
-fn cube_roots(from: [&Planes; 2], to: &mut [Planes; 2]) {
+fn cube_roots(from: [&Planes; 2], to: &mut [Planes; 2], extent: Extent) {
     for (from, to) in from.into_iter().zip(to) {
         for (from, to) in from.iter().zip(to) {
-            for (from, to) in from.iter().zip(to) {
+            for (from, to) in from[..extent.cells].iter().zip(to) {
                 *to = cbrt(*from);
             }
         }
@@ -204,9 +210,14 @@ fn cube_roots(from: [&Planes; 2], to: &mut [Planes; 2]) {
 
 /// `coordinates` of every cell of both blocks.
 #[inline(always)]
-fn colour_coordinates(from: [&Planes; 2], to: &mut [Planes; 2], coordinates: impl Fn([f64; 3]) -> [f64; 3]) {
+fn colour_coordinates(
+    from: [&Planes; 2],
+    to: &mut [Planes; 2],
+    extent: Extent,
+    coordinates: impl Fn([f64; 3]) -> [f64; 3],
+) {
     for ([red, green, blue], [x, y, z]) in from.into_iter().zip(to) {
-        for k in 0..AZIMUTHS {
+        for k in 0..extent.cells {
             [x[k], y[k], z[k]] = coordinates([red[k], green[k], blue[k]]);
         }
     }
@@ -214,11 +225,16 @@ fn colour_coordinates(from: [&Planes; 2], to: &mut [Planes; 2], coordinates: imp
 
 /// Sums of the squared differences of the three colour coordinates, each passed through `curve`.
 #[inline(always)]
-fn colour_squares([reference, candidate]: &[Planes; 2], terms: &mut Plane, curve: impl Fn(f64) -> f64) -> [f64; 3] {
+fn colour_squares(
+    [reference, candidate]: &[Planes; 2],
+    terms: &mut Plane,
+    extent: Extent,
+    curve: impl Fn(f64) -> f64,
+) -> [f64; 3] {
     let mut squares = [0.0; 3];
     for ((square, r), a) in squares.iter_mut().zip(reference).zip(candidate) {
-        cellwise(r, a, terms, |r, a| curve(a) - curve(r));
-        *square = sum_of_squares(terms);
+        cellwise(r, a, terms, extent, |r, a| curve(a) - curve(r));
+        *square = sum_of_squares(terms, extent);
     }
     squares
 }
@@ -293,7 +309,9 @@ mod tests {
             for plane in space.reference.rgb.iter_mut().chain(&mut space.candidate.rgb) {
                 plane.iter_mut().for_each(|x| *x = 10f64.powf(rng.random_range(-6.0..5.0)));
             }
-            assert_eq!(space.sums(cosine, &work), sums(&mut space, cosine, &work));
+            for extent in [Extent::WHOLE, Extent::FOLDED] {
+                assert_eq!(space.sums(extent, cosine, &work), sums(&mut space, extent, cosine, &work));
+            }
         }
     }
 }

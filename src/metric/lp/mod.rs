@@ -43,6 +43,7 @@ pub use variant::{Formula, LpVariant, NotAnLpVariant};
 
 use crate::brdf::Brdf;
 use crate::metric::MetricError;
+use block::Cells;
 use kernel::Work;
 use pass::Sums;
 
@@ -54,6 +55,20 @@ const POLAR_CLAMPED: usize = 80;
 const AZIMUTHS: usize = 360;
 /// Keeps logarithms and the cosine weight away from zero.
 const EPSILON: f64 = 1e-3;
+
+/// A reference that has been evaluated, to be compared with many candidates: 47 MB for a formula, 93 MB for a network,
+/// 38 MB for a table.
+pub struct LpReference {
+    cells: Box<dyn Cells>,
+}
+
+impl LpReference {
+    /// # Errors
+    /// [`MetricError::Unusable`] where the BRDF has a value that is negative or not finite.
+    pub fn new(reference: &dyn Brdf) -> Result<Self, MetricError> {
+        Ok(Self { cells: block::owned_cells(reference, "reference")? })
+    }
+}
 
 /// Every Lp distance between two BRDFs.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,15 +92,23 @@ impl LpDistances {
         Self::of_variants(reference, candidate, &LpVariant::of_study().collect::<Vec<_>>())
     }
 
+    /// As [`LpDistances::of_study_between`], with a reference that is read once for many candidates.
+    pub fn of_study_from(reference: &LpReference, candidate: &dyn Brdf) -> Result<Self, MetricError> {
+        let variants: Vec<_> = LpVariant::of_study().collect();
+        Self::of_cells(&*reference.cells, &*block::cells(candidate, "candidate")?, &variants)
+    }
+
     /// As [`LpDistances::between`], computing only what `variants` need; the values of others are unspecified.
     pub(in crate::metric) fn of_variants(
         reference: &dyn Brdf,
         candidate: &dyn Brdf,
         variants: &[LpVariant],
     ) -> Result<Self, MetricError> {
-        let work = Work::for_variants(variants.iter().copied());
-        let (reference, candidate) = (block::cells(reference, "reference")?, block::cells(candidate, "candidate")?);
-        let sums = Sums::over(&*reference, &*candidate, &work)?;
+        Self::of_cells(&*block::cells(reference, "reference")?, &*block::cells(candidate, "candidate")?, variants)
+    }
+
+    fn of_cells(reference: &dyn Cells, candidate: &dyn Cells, variants: &[LpVariant]) -> Result<Self, MetricError> {
+        let sums = Sums::over(reference, candidate, &Work::for_variants(variants.iter().copied()))?;
         for &variant in variants {
             metric::checked_distance(&sums, variant)?;
         }

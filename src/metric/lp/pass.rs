@@ -1,6 +1,6 @@
 //! The one pass over two BRDFs: blocks in parallel rows, added up in a fixed order.
 
-use super::block::Cells;
+use super::block::{Cells, Extent};
 use super::kernel::{BlockSums, Work, Workspace};
 use super::variant::{Formula, LpVariant};
 use super::{EPSILON, POLAR, POLAR_CLAMPED};
@@ -76,15 +76,17 @@ impl Sums {
 fn row(reference: &dyn Cells, candidate: &dyn Cells, work: &Work, i: usize) -> Result<Sums, MetricError> {
     let mut space = Workspace::new();
     let mut sums = Sums::default();
+    let mirrored = reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
+    let extent = if mirrored { Extent::FOLDED } else { Extent::WHOLE };
     for o in 0..work.limit {
         if o == POLAR_CLAMPED && i < POLAR_CLAMPED {
             sums.clamped = sums.all.clone();
         }
-        reference.read(i, o, &mut space.reference)?;
-        candidate.read(i, o, &mut space.candidate)?;
+        reference.read(i, o, extent, &mut space.reference)?;
+        candidate.read(i, o, extent, &mut space.candidate)?;
         let weights = Weights::at(i, o);
-        sums.all.cells += space.reference.mask(&mut space.candidate);
-        for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(weights.cosine, work)) {
+        sums.all.cells += space.reference.mask(&mut space.candidate, extent);
+        for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(extent, weights.cosine, work)) {
             weights.add(&block, terms);
         }
     }
@@ -129,6 +131,44 @@ impl Weights {
             let (weight, sums) = terms_of(formula);
             for (term, sum) in terms[formula as usize].iter_mut().zip(sums) {
                 *term += weight * sum;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brdf::Brdf;
+    use crate::brdf::models::{Ggx, Ward, WardForm};
+    use crate::math::{Rgb, Vec3};
+    use crate::metric::lp::block::cells;
+
+    /// Hides that a BRDF is its own mirror image.
+    struct Whole<B>(B);
+
+    impl<B: Brdf> Brdf for Whole<B> {
+        fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
+            self.0.eval(wi, wo)
+        }
+    }
+
+    #[test]
+    fn folded_pairs_have_the_sums_of_whole_ones() {
+        let reference = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.1).unwrap();
+        let candidate = Ward::new([0.2, 0.1, 0.05], [0.1; 3], 0.15, WardForm::Ward).unwrap();
+        let work = Work::for_variants(LpVariant::every());
+        let sums = |reference: &dyn Brdf, candidate: &dyn Brdf| {
+            let (reference, candidate) =
+                (cells(reference, "reference").unwrap(), cells(candidate, "candidate").unwrap());
+            Sums::over(&*reference, &*candidate, &work).unwrap()
+        };
+        let folded = sums(&reference, &candidate);
+        for whole in [sums(&Whole(reference), &Whole(candidate)), sums(&reference, &Whole(candidate))] {
+            for variant in LpVariant::every() {
+                assert_eq!(folded.cells(variant), whole.cells(variant));
+                let (a, b) = (folded.distance(variant), whole.distance(variant));
+                assert!((a - b).abs() <= 1e-12 * b, "{variant}: {a} {b}");
             }
         }
     }

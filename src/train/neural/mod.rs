@@ -8,4 +8,5 @@ mod network;
 pub mod regression;
 
 pub use autoencoder::{Autoencoder, Encoder};
+pub use network::LEAK;
 pub use regression::NeuralNetwork;

@@ -15,7 +15,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
 
 /// Slope of every activation for negative inputs.
-pub(super) const LEAK: f64 = 0.1;
+pub const LEAK: f64 = 0.1;
 
 /// The device that trains: the portable CPU backend with gradients.
 pub(super) fn device() -> Device {

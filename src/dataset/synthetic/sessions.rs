@@ -27,7 +27,7 @@ pub const OVERCAST_SHIFT: f64 = 0.15;
 /// Quality of a hidden reference.
 pub const HIDDEN_REFERENCE: f64 = 4.75;
 /// Control questions.
-pub const GOLD: usize = 12;
+pub const GOLD: usize = 20;
 /// How far control questions lie beyond the ends of the scale, in grades.
 pub const BEYOND: f64 = 1.5;
 /// Participants who do not look.

@@ -89,12 +89,12 @@ pub fn anova(response: &[f64], factors: &[Factor]) -> Result<Anova, StudyError> 
     let all: Vec<u32> = (1..1 << factors.len()).collect();
     let (unexplained, parameters) = fit(&all);
     let residual = within + unexplained;
+    let saturated = StudyError::Saturated { rows: response.len(), parameters };
+    let residual_freedom = response.len().checked_sub(parameters).filter(|&d| d > 0).ok_or(saturated)?;
     let squares: f64 = response.iter().map(|y| y * y).sum();
     if negligible(residual, squares.sqrt()) {
         return Err(StudyError::NoSpread { what: "rows of a cell" });
     }
-    let saturated = StudyError::Saturated { rows: response.len(), parameters };
-    let residual_freedom = response.len().checked_sub(parameters).filter(|&d| d > 0).ok_or(saturated)?;
 
     let combinations: usize = sizes.iter().product();
     let mut ordered = all.clone();

@@ -4,13 +4,14 @@
 //!
 //! | room | holds |
 //! | --- | --- |
-//! | [`math`] | directions, coordinates, colour, correlations, the logistic curve, dense layers, dual numbers, seeds |
+//! | [`math`] | directions, coordinates, colour, statistics of numbers, dense layers, dual numbers, seeds |
 //! | [`brdf`] | the trait [`brdf::Brdf`], tables, published models, file formats, the source notation |
 //! | [`dataset`] | studies: rated pairs, manifests, grouped splits, the embedded synthetic study |
 //! | [`descriptor`] | a BRDF becomes comparable numbers: virtual pictures, angular ratios, embeddings; the cache |
 //! | [`metric`] | the trait [`metric::Metric`]; Lp, learned metrics; the registry |
 //! | [`train`] | ratings become a metric: baselines, kernels, networks (the only place that names burn), export |
 //! | [`evaluation`] | agreement with people: cross-validation, bootstrap, tests of differences, records |
+//! | [`study`] | statistics of the ratings themselves: what a panel said, how far it agrees, what moves it |
 //! | [`report`] | records become tables, figures and pages |
 //! | [`cli`] | the commands |
 
@@ -22,4 +23,5 @@ pub mod evaluation;
 pub mod math;
 pub mod metric;
 pub mod report;
+pub mod study;
 pub mod train;

@@ -8,6 +8,7 @@ mod describe;
 mod metrics;
 mod progress;
 mod score;
+mod study;
 #[cfg(feature = "train")]
 mod train;
 mod workspace;
@@ -66,6 +67,8 @@ enum Command {
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
     Describe(describe::DescribeArgs),
+    /// Statistics of a study's ratings: means, agreement, material types, illuminations, screening.
+    Study(study::StudyArgs),
     /// Studies and the files they need.
     Data(data::DataArgs),
 }
@@ -130,6 +133,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
+        Command::Study(args) => study::run(&cli.shared, args),
         Command::Data(args) => data::run(&cli.shared, args),
     }
 }

@@ -2,6 +2,7 @@
 //! states it. The files are compiled in, so that a binary alone knows every study.
 
 use super::DatasetError;
+use super::raw_layout::RawLayout;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -30,6 +31,8 @@ pub struct RatedManifest {
     /// Rated pairs of the whole study.
     pub pairs: usize,
     pub ratings: Ratings,
+    /// The scores behind the means, in a file of the data folder that need not be there.
+    pub raw_ratings: Option<RawLayout>,
     pub tables: Tables,
     pub references: References,
     #[serde(rename = "file")]
@@ -231,6 +234,8 @@ impl RatedManifest {
             }
         }
         m.files.iter().try_for_each(|f| check_sha256(study, f))?;
+        let raw = m.raw_ratings.as_ref().map_or(Ok(()), RawLayout::check);
+        raw.map_err(|reason| manifest_error(study, format!("raw_ratings: {reason}")))?;
         Ok(m)
     }
 
@@ -379,6 +384,22 @@ mod tests {
         assert_eq!(weight("teflon"), 1.0);
         assert!((weight("steel") - 0.3065).abs() < 1e-4);
         assert!(weight("steel") < weight("chrome") && weight("chrome") < weight("nickel"));
+    }
+
+    #[test]
+    fn a_study_may_state_where_its_raw_ratings_are() {
+        let with = |section: &str| {
+            RatedManifest::parse("lavoue2021", &LAVOUE2021.replacen("[tables]", &format!("{section}\n[tables]"), 1))
+        };
+        let section = "[raw_ratings]\nfile = \"scores.csv\"\n[raw_ratings.columns]\nparticipant = \"worker\"\n";
+        let layout = with(section).unwrap().raw_ratings.unwrap();
+        assert_eq!(
+            (layout.file.as_str(), layout.column("participant"), layout.delimiter),
+            ("scores.csv", "worker", ',')
+        );
+        assert!(layout.ignore_others && layout.column("score") == "score");
+        let message = with(&section.replace("participant", "rater")).unwrap_err().to_string();
+        assert!(message.contains("raw_ratings: columns: found `rater`; allowed: participant, material"), "{message}");
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! Published studies in a data folder, as their manifests describe them.
 
 use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
+use super::opinions::{Scores, Stimulus, StudyOpinions};
 use super::ratings::{Rating, read_ratings, read_types};
-use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
+use super::{Completeness, DatasetError, RatedPair, Study, StudyFile, raw_ratings};
 use crate::brdf::{BrdfSource, ContentHash};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -49,6 +50,59 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
     }
     let completeness = Completeness { found: pairs.len(), known: manifest.pairs() };
     Ok(Study { name: manifest.name().into(), synthetic: false, completeness, files, pairs })
+}
+
+/// The ratings in `data`, whatever BRDFs are there: raw ones where the manifest names a file of them that is.
+pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinions, DatasetError> {
+    let rated = &manifest.rated;
+    let (file, types_file) = (&rated.ratings.file, &rated.ratings.material_types);
+    let Some(data) = data else {
+        return Err(DatasetError::NoDataFolder {
+            study: manifest.name().into(),
+            needs: format!("{file}, {types_file}"),
+        });
+    };
+    let read = |path: &String| {
+        let pinned = rated.files.iter().find(|f| f.path == *path);
+        let listed = pinned.ok_or_else(|| DatasetError::Manifest {
+            study: rated.name.clone(),
+            reason: format!("{path} is used but not among the files"),
+        })?;
+        read_pinned(manifest.name(), data, listed)
+    };
+    let ((ratings, ratings_file), (types, types_of)) = (read(file)?, read(types_file)?);
+    let ratings = read_ratings(&data.join(file), &ratings, rated)?;
+    let types = read_types(&data.join(types_file), &types, rated)?;
+    let used = |r: &&Rating| manifest.rebuilt.as_ref().is_none_or(|m| rebuilt_sources(m, r).is_some());
+    let (stimuli, means): (Vec<Stimulus>, Vec<f64>) = ratings
+        .iter()
+        .filter(used)
+        .map(|r| {
+            let stimulus = Stimulus {
+                material: r.material.clone(),
+                method: r.method.clone(),
+                illumination: None,
+                group: rated.group(&r.material),
+                material_type: types.get(&r.material).cloned(),
+            };
+            (stimulus, r.mos)
+        })
+        .unzip();
+    if stimuli.is_empty() {
+        return Err(no_pairs(manifest, data, ratings.len()));
+    }
+    let opinions = StudyOpinions {
+        name: manifest.name().into(),
+        synthetic: false,
+        completeness: Completeness { found: stimuli.len(), known: manifest.pairs() },
+        files: vec![ratings_file, types_of],
+        stimuli,
+        scores: Scores::Means(means),
+    };
+    match rated.raw_ratings.as_ref().map(|layout| (data.join(&layout.file), layout)) {
+        Some((path, layout)) if path.is_file() => Ok(opinions.with_raw(raw_ratings::load(&path, layout)?)),
+        _ => Ok(opinions),
+    }
 }
 
 fn no_pairs(manifest: &Manifest, data: &Path, ratings: usize) -> DatasetError {

@@ -13,6 +13,7 @@
 
 use super::EvaluationError;
 use super::agreement::{Agreement, Figure, Figures, Predictions, Prepared, Ratings};
+pub use crate::math::quantile::Interval;
 use crate::math::seed;
 use rand::Rng;
 use rayon::prelude::*;
@@ -23,32 +24,6 @@ pub const DEFAULT_RESAMPLES: usize = 2000;
 
 /// Fewer resamples have no 2.5 % tail to speak of.
 pub const MIN_RESAMPLES: usize = 40;
-
-/// A 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Interval {
-    pub low: f64,
-    pub high: f64,
-}
-
-impl Interval {
-    /// The central 95 % of `values`, which need not be sorted; `None` for no value.
-    pub fn percentile(mut values: Vec<f64>) -> Option<Self> {
-        values.sort_by(f64::total_cmp);
-        Some(Self { low: quantile(&values, 0.025)?, high: quantile(&values, 0.975)? })
-    }
-
-    pub fn contains(&self, value: f64) -> bool {
-        self.low <= value && value <= self.high
-    }
-}
-
-/// Linear interpolation between the order statistics (type 7 of Hyndman & Fan 1996, doi:10.2307/2684934).
-fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
-    let at = q * sorted.len().checked_sub(1)? as f64;
-    let (below, above) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
-    Some(below + (above - below) * at.fract())
-}
 
 /// Multiplicities of the rows in each resample.
 #[derive(Debug, Clone)]
@@ -202,14 +177,6 @@ mod tests {
         for (found, expected) in holm(&[0.01, 0.04, 0.03, 0.005, 0.6, 0.03]).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-15);
         }
-    }
-
-    #[test]
-    fn quantiles_interpolate_as_numpy() {
-        // numpy.quantile([1, 2, 4, 8, 16], [.025, .975]) = [1.1, 15.2]
-        let interval = Interval::percentile(vec![16.0, 1.0, 8.0, 2.0, 4.0]).unwrap();
-        assert!((interval.low - 1.1).abs() < 1e-14 && (interval.high - 15.2).abs() < 1e-14);
-        assert_eq!(Interval::percentile(vec![]), None);
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Directions, coordinates, colour spaces, correlations, the logistic curve, dense layers, dual numbers, the error
-//! function and seeds.
+//! Directions, coordinates, colour spaces, correlations, quantiles, least squares, the logistic curve, dense layers, dual
+//! numbers, the error function and seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
@@ -9,7 +9,9 @@ pub mod correlation;
 pub mod dual;
 pub mod erf;
 pub mod layers;
+pub mod least_squares;
 pub mod logistic;
+pub mod quantile;
 pub mod seed;
 mod vec3;
 

@@ -15,7 +15,7 @@ pub struct Table {
 }
 
 impl Table {
-    fn new(title: impl Into<String>, columns: &[&str]) -> Self {
+    pub(super) fn new(title: impl Into<String>, columns: &[&str]) -> Self {
         Self { title: title.into(), columns: columns.iter().map(|c| (*c).to_owned()).collect(), rows: Vec::new() }
     }
 

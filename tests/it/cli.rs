@@ -211,7 +211,7 @@ fn data_list_counts_the_rated_pairs_of_a_data_folder() {
 #[test]
 fn every_subcommand_explains_itself() {
     let place = Place::new();
-    let mut commands = vec!["compare", "score", "metrics", "describe", "data"];
+    let mut commands = vec!["compare", "score", "metrics", "describe", "study", "data"];
     if cfg!(feature = "train") {
         commands.extend(["train", "benchmark"]);
     }

@@ -12,5 +12,6 @@ mod naive_lp;
 mod report;
 mod rooms;
 mod shipped;
+mod study;
 #[cfg(feature = "train")]
 mod train;

@@ -12,6 +12,7 @@ mod candidates;
 mod materials;
 pub mod panel;
 mod reflectance;
+pub mod sessions;
 mod studio;
 
 use super::{Completeness, DatasetError, RatedPair, Study};

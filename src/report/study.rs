@@ -1,0 +1,344 @@
+//! The statistics of a study's ratings as aligned text and as Markdown, from one list of blocks.
+
+use super::tables::Table;
+use crate::math::quantile::Interval;
+use crate::study::anova::Anova;
+use crate::study::intraclass::Intraclass;
+use crate::study::record::{BoxSet, IlluminationComparison, Panel, Spread, StudyRecord, TypeComparison};
+use crate::study::screening::{Criterion, GOLD_ACCURACY, GOLD_TOLERANCE, LEAST_SECONDS};
+use crate::study::t_test::TTest;
+
+const SYNTHETIC: &str =
+    "SYNTHETIC observers: these ratings were simulated by a program. Nothing here says how people see.";
+
+/// Stimuli of each end of the scale that are named.
+const EXTREMES: usize = 3;
+
+/// A part of a report.
+enum Block {
+    Heading(&'static str),
+    Text(String),
+    Table(Table),
+}
+
+/// For a terminal.
+pub fn text(record: &StudyRecord) -> String {
+    let parts = blocks(record).into_iter().map(|block| match block {
+        Block::Heading(h) => format!("\n{h}\n{}\n", "-".repeat(h.chars().count())),
+        Block::Text(t) => format!("{t}\n"),
+        Block::Table(t) => format!("\n{}", t.to_text()),
+    });
+    format!("{}\n{}", title(record), parts.collect::<String>())
+}
+
+/// As a file of its own.
+pub fn markdown(record: &StudyRecord) -> String {
+    let parts = blocks(record).into_iter().map(|block| match block {
+        Block::Heading(h) => format!("## {h}\n\n"),
+        Block::Text(t) => format!("{t}\n\n"),
+        Block::Table(t) => format!("{}\n", t.to_markdown()),
+    });
+    let mut page = format!("# {}\n\n{}", title(record), parts.collect::<String>());
+    page += "## Provenance\n\n";
+    page += &format!("* command: `{}`\n* vernis {}, seed {}\n", record.command, record.version, record.seed);
+    for (file, hash) in &record.data {
+        page += &format!("* `{file}`: SHA-256 {hash}\n");
+    }
+    page
+}
+
+fn title(record: &StudyRecord) -> String {
+    format!("Ratings of {}{}", record.study, if record.synthetic { " (SYNTHETIC)" } else { "" })
+}
+
+fn blocks(record: &StudyRecord) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    if record.synthetic {
+        blocks.push(Block::Text(SYNTHETIC.into()));
+    }
+    blocks.push(Block::Text(what_was_rated(record)));
+    if let Some(panel) = &record.panel {
+        blocks.extend([Block::Heading("Raters"), Block::Text(raters(panel))]);
+    }
+    blocks.push(Block::Heading("Mean opinion scores"));
+    blocks.push(Block::Text(spread(record)));
+    blocks.push(Block::Table(extremes(record)));
+    blocks.extend(agreement(record));
+    if let Some(types) = &record.material_types {
+        blocks.extend([Block::Heading("Material types"), Block::Table(type_table(types))]);
+    }
+    if let Some(both) = &record.illumination {
+        blocks.extend([
+            Block::Heading("Illuminations"),
+            Block::Text(correlations(both)),
+            Block::Table(light_table(both)),
+        ]);
+    }
+    let anovas: Vec<&Anova> = record.anova_two_way.iter().chain(&record.anova_three_way).collect();
+    if !anovas.is_empty() {
+        blocks.push(Block::Heading("Analysis of variance"));
+        blocks.extend(anovas.into_iter().map(|a| Block::Table(anova_table(a))));
+    }
+    blocks.push(Block::Heading("Distributions"));
+    blocks.extend(record.boxes.iter().map(|set| Block::Table(box_table(set))));
+    if !record.missing.is_empty() {
+        blocks.push(Block::Heading("Left out"));
+        blocks.extend(record.missing.iter().map(|m| Block::Text(format!("{}: {}.", m.what, m.why))));
+    }
+    blocks
+}
+
+fn what_was_rated(record: &StudyRecord) -> String {
+    let lights = match record.illuminations.as_slice() {
+        [] => "the illumination is not stated".to_owned(),
+        [one] => format!("under {one}"),
+        [main, others @ ..] => {
+            format!("under {main} and {}; where it is not said otherwise, under {main} alone", others.join(", "))
+        }
+    };
+    let part = if record.found == record.known || record.panel.is_some() {
+        String::new()
+    } else {
+        format!(" {} of the study's {} rated pairs are here.", record.found, record.known)
+    };
+    format!(
+        "{} stimuli of {} materials and {} methods, {lights}.{part}",
+        record.opinions.len(),
+        record.materials,
+        record.methods
+    )
+}
+
+fn raters(panel: &Panel) -> String {
+    let each = |what: &str, m: Option<crate::study::moments::MeanAndDeviation>| {
+        m.map_or(String::new(), |m| format!(" {what}: {:.1} on average (SD {:.1}).", m.mean, m.deviation))
+    };
+    let criteria = [
+        (
+            Criterion::Gold,
+            format!("fewer than {:.0} % of control questions within {GOLD_TOLERANCE} grade", 100.0 * GOLD_ACCURACY),
+        ),
+        (Criterion::Time, format!("less than {LEAST_SECONDS} s an answer")),
+        (Criterion::Outlier, "outliers of ITU-R BT.500-13, annex 2, 2.3.1".to_owned()),
+    ];
+    let checks = criteria.map(|(criterion, what)| {
+        let rejects = if panel.rejecting.contains(&criterion) { "rejected" } else { "reported, not rejected" };
+        format!("{what}: {} ({rejects})", panel.failing(criterion))
+    });
+    let rejected: Vec<&str> = panel.rejected().map(|p| p.name.as_str()).collect();
+    let names = if rejected.is_empty() { String::new() } else { format!(" Rejected: {}.", rejected.join(", ")) };
+    format!(
+        "{} judgements of {} participants, of {} who took part.{}{}\nScreening: {}.{names}",
+        panel.judgements,
+        panel.participants,
+        panel.screened.len(),
+        each("Judgements a participant", panel.judgements_each),
+        each("Raters a stimulus", panel.raters_each),
+        checks.join("; "),
+    )
+}
+
+fn spread(record: &StudyRecord) -> String {
+    let widths: Vec<f64> = record.opinions.iter().filter_map(|o| o.opinion.width()).collect();
+    let half = 0.5 * widths.iter().sum::<f64>() / widths.len().max(1) as f64;
+    let how = match record.spread {
+        Spread::Scores => "Student's t of the scores of each stimulus".to_owned(),
+        Spread::NoiseModel { a, raters } => {
+            format!("ASSUMED, as the study gives means alone: variance {a} (-x^2 + 6x - 5), {raters} raters a stimulus")
+        }
+    };
+    format!("1 is very poor, 5 excellent. 95 % intervals of single means are +-{half:.2} on average ({how}).")
+}
+
+fn extremes(record: &StudyRecord) -> Table {
+    let mut order: Vec<&_> = record.opinions.iter().collect();
+    order.sort_by(|a, b| b.opinion.mos.total_cmp(&a.opinion.mos));
+    let rest = order.len().saturating_sub(EXTREMES).max(EXTREMES.min(order.len()));
+    let mut table = Table::new("Highest and lowest", &["stimulus", "MOS", "95 % interval", "SD"]);
+    for o in order.iter().take(EXTREMES).chain(&order[rest..]) {
+        let s = &o.stimulus;
+        let light = s.illumination.as_ref().map_or(String::new(), |i| format!(", {i}"));
+        table.rows.push(vec![
+            format!("{}, {}{light}", s.material, s.method),
+            number(o.opinion.mos),
+            interval(o.opinion.interval),
+            o.opinion.deviation.map_or("-".into(), number),
+        ]);
+    }
+    table
+}
+
+fn agreement(record: &StudyRecord) -> Vec<Block> {
+    let mut blocks = vec![Block::Heading("Agreement")];
+    if let Some(s) = &record.split_half {
+        blocks.push(Block::Text(format!(
+            "Halves of the panel, {} random splits: Pearson {:.3} (SD {:.3}), Spearman {:.3} (SD {:.3}).",
+            s.splits, s.pearson.mean, s.pearson.deviation, s.spearman.mean, s.spearman.deviation
+        )));
+    }
+    if let Some(e) = &record.expected_reliability {
+        blocks.push(Block::Text(format!(
+            "EXPECTED of the assumed noise, not found: halves of the panel correlate with {:.3} (Pearson), and {:.3} of \
+             the variance of the means is signal.",
+            e.split_half_pearson, e.signal
+        )));
+    }
+    let mut table = Table::new(
+        "Intra-class correlations [95 % interval]",
+        &["model", "one score", "mean of k", "k", "F", "degrees of freedom", "p"],
+    );
+    let models = [("one way, ICC(1,.)", &record.intraclass_one_way), ("two way, ICC(2,.)", &record.intraclass_two_way)];
+    for (name, icc) in models {
+        let Some(icc) = icc else { continue };
+        table.rows.push(intraclass_row(name, icc));
+    }
+    if !table.rows.is_empty() {
+        blocks.push(Block::Table(table));
+    }
+    if let Some(s) = &record.sos {
+        blocks.push(Block::Text(format!(
+            "SOS: variance of the scores = {:.3} {} (-x^2 + 6x - 5), root mean square error of the SD {:.2}.",
+            s.a,
+            interval(s.interval),
+            s.rmse
+        )));
+    }
+    blocks
+}
+
+fn intraclass_row(name: &str, icc: &Intraclass) -> Vec<String> {
+    let cell = |c: &crate::study::intraclass::Correlation| {
+        format!("{:.3} [{:.3}, {:.3}]", c.value, c.interval.low, c.interval.high)
+    };
+    vec![
+        name.to_owned(),
+        cell(&icc.single),
+        cell(&icc.average),
+        format!("{:.1}", icc.raters),
+        format!("{:.2}", icc.f),
+        format!("{:.0}, {:.0}", icc.freedom[0], icc.freedom[1]),
+        probability(icc.p),
+    ]
+}
+
+const TEST_COLUMNS: [&str; 8] =
+    ["of", "n", "first", "second", "difference [95 % interval]", "t", "degrees of freedom", "p"];
+
+fn test_row(name: &str, t: &TTest) -> Vec<String> {
+    let n = if t.numbers[0] == t.numbers[1] {
+        t.numbers[0].to_string()
+    } else {
+        format!("{} and {}", t.numbers[0], t.numbers[1])
+    };
+    vec![
+        name.to_owned(),
+        n,
+        number(t.means[0]),
+        number(t.means[1]),
+        format!("{:+.3} {}", t.difference, interval(Some(t.interval))),
+        format!("{:.2}", t.t),
+        format!("{:.1}", t.freedom),
+        probability(t.p),
+    ]
+}
+
+fn type_table(types: &TypeComparison) -> Table {
+    let [a, b] = &types.types;
+    let by_material = types.by_material.map_or(String::new(), |i| {
+        format!("; by bootstrap of materials, the difference of MOS is within {}", interval(Some(i)))
+    });
+    let mut table = Table::new(format!("{a} (first) and {b} (second), Welch's t-test{by_material}"), &TEST_COLUMNS);
+    table.rows.push(test_row("MOS", &types.mos));
+    table.rows.extend(types.deviation.iter().map(|t| test_row("SD of the scores", t)));
+    table.rows.extend(types.hidden_references.iter().map(|t| test_row("MOS of hidden references", t)));
+    table
+}
+
+fn correlations(both: &IlluminationComparison) -> String {
+    format!(
+        "MOS of the two correlate: Pearson {:.3} {}, Spearman {:.3} {} (95 % by bootstrap of materials).",
+        both.pearson,
+        interval(both.pearson_interval),
+        both.spearman,
+        interval(both.spearman_interval)
+    )
+}
+
+fn light_table(both: &IlluminationComparison) -> Table {
+    let [a, b] = &both.illuminations;
+    let title = format!("{a} (first) and {b} (second), paired t-test of what was rated under both");
+    let mut table = Table::new(title, &TEST_COLUMNS);
+    table.rows.push(test_row("MOS", &both.mos));
+    table.rows.extend(both.deviation.iter().map(|t| test_row("SD of the scores", t)));
+    table.rows.extend(both.hidden_references.iter().map(|t| test_row("MOS of hidden references", t)));
+    table
+}
+
+fn anova_table(anova: &Anova) -> Table {
+    let main: Vec<&str> = anova.terms.iter().filter(|t| t.factors.len() == 1).map(|t| t.factors[0].as_str()).collect();
+    let empty = match anova.empty_cells {
+        0 => String::new(),
+        n => format!(", {n} of {} combinations without a row", anova.cells),
+    };
+    let title = format!(
+        "MOS by {}: Type {} sums of squares, {} rows{empty}",
+        main.join(" x "),
+        anova.sums_of_squares,
+        anova.rows
+    );
+    let mut table =
+        Table::new(title, &["term", "sum of squares", "degrees of freedom", "F", "p", "partial eta squared"]);
+    for t in &anova.terms {
+        table.rows.push(vec![
+            t.factors.join(" x "),
+            format!("{:.3}", t.sum_of_squares),
+            t.freedom.to_string(),
+            format!("{:.2}", t.f),
+            probability(t.p),
+            format!("{:.3}", t.partial_eta_squared),
+        ]);
+    }
+    let rest = ["-", "-", "-"].map(str::to_owned);
+    let (sum, freedom) = (format!("{:.3}", anova.residual_sum_of_squares), anova.residual_freedom.to_string());
+    table.rows.push(["residual".to_owned(), sum, freedom].into_iter().chain(rest).collect());
+    table
+}
+
+fn box_table(set: &BoxSet) -> Table {
+    let columns =
+        ["of", "n", "mean [95 % by material]", "median", "quartiles", "whiskers", "outliers", "median interval width"];
+    let mut table = Table::new(set.title.as_str(), &columns);
+    for b in &set.boxes {
+        let range = |r: [f64; 2]| format!("{} to {}", number(r[0]), number(r[1]));
+        table.rows.push(vec![
+            if b.levels.is_empty() { "all".to_owned() } else { b.levels.join(", ") },
+            b.mos.n.to_string(),
+            format!("{} {}", number(b.mean), interval(b.mean_interval)).trim_end().to_owned(),
+            number(b.mos.median),
+            range(b.mos.quartiles),
+            range(b.mos.whiskers),
+            b.mos.outliers.len().to_string(),
+            b.interval_width.as_ref().map_or("-".into(), |w| number(w.median)),
+        ]);
+    }
+    table
+}
+
+fn number(x: f64) -> String {
+    format!("{x:.2}")
+}
+
+fn interval(i: Option<Interval>) -> String {
+    i.map_or("-".to_owned(), |i| format!("[{:.2}, {:.2}]", i.low, i.high))
+}
+
+/// Three digits, or the order of magnitude where these would be zeros.
+fn probability(p: f64) -> String {
+    if p < 1e-300 {
+        "< 1e-300".to_owned()
+    } else if p < 1e-3 {
+        format!("{p:.1e}")
+    } else {
+        format!("{p:.3}")
+    }
+}

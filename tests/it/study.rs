@@ -1,0 +1,314 @@
+//! Statistics of ratings: the truth of the simulated panel is recovered, and the command says what it did.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::LazyLock;
+use vernis::dataset::opinions::{Scores, StudyOpinions};
+use vernis::dataset::synthetic::sessions::{OVERCAST, OVERCAST_SHIFT, STUDIO, Sessions, simulate};
+use vernis::dataset::synthetic::{SEED, SyntheticStudy, generate};
+use vernis::math::correlation::pearson;
+use vernis::study::record::{Spread, StudyRecord};
+use vernis::study::reliability::expected;
+use vernis::study::screening::{Criterion, screen};
+use vernis::study::t_test::paired;
+use vernis::study::{Options, StudyError, describe};
+
+static MADE: LazyLock<SyntheticStudy> = LazyLock::new(|| generate(SEED).expect("the embedded study"));
+static SESSIONS: LazyLock<Sessions> = LazyLock::new(|| simulate(&MADE, SEED));
+static RECORD: LazyLock<StudyRecord> =
+    LazyLock::new(|| describe(&SESSIONS.opinions, &Options::default()).expect("a panel that looks"));
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn raw() -> &'static vernis::dataset::raw_ratings::RawRatings {
+    match &SESSIONS.opinions.scores {
+        Scores::Raw(raw) => raw,
+        Scores::Means(_) => panic!("the embedded study has raw ratings"),
+    }
+}
+
+#[test]
+fn screening_rejects_exactly_who_did_not_look() {
+    let panel = RECORD.panel.as_ref().expect("raw ratings");
+    let names = |of: &[usize]| of.iter().map(|&i| raw().participants[i].as_str()).collect::<Vec<_>>();
+    assert_eq!(panel.rejected().map(|p| p.name.as_str()).collect::<Vec<_>>(), names(&SESSIONS.careless));
+    assert_eq!((panel.participants, panel.judgements), (30, 30 * SESSIONS.quality.len()));
+    assert_eq!((panel.failing(Criterion::Gold), panel.failing(Criterion::Time)), (3, 3));
+    // Without gold and time, the outlier check sees them beyond more often than anybody else. It calls an outlier only
+    // who is beyond on both sides alike, which at random is rare among stimuli that are mostly good.
+    let mut blind = raw().clone();
+    blind.gold.clear();
+    blind.judgements.iter_mut().for_each(|j| j.seconds = None);
+    let screened = screen(&blind, SESSIONS.quality.len());
+    let beyond = |i: &usize| screened[*i].beyond.unwrap().iter().sum::<usize>();
+    let careful = (0..33).filter(|i| !SESSIONS.careless.contains(i)).map(|i| beyond(&i)).max();
+    let careless = SESSIONS.careless.iter().map(beyond).min();
+    assert!(careless > careful.map(|c| 2 * c), "{careless:?} {careful:?}");
+    let outliers: Vec<usize> = (0..33).filter(|&i| screened[i].fails == [Criterion::Outlier]).collect();
+    assert!(!outliers.is_empty() && outliers.iter().all(|i| SESSIONS.careless.contains(i)), "{outliers:?}");
+}
+
+#[test]
+fn means_of_the_raw_ratings_are_those_of_the_study() {
+    for ((o, pair), quality) in RECORD.opinions.iter().zip(&MADE.study.pairs).zip(&MADE.quality) {
+        assert_eq!((&o.stimulus.material, &o.stimulus.method), (&pair.material, &pair.method));
+        assert!((o.opinion.mos - pair.mos).abs() < 1e-12 && o.opinion.raters == 30);
+        assert!((o.opinion.mos - quality).abs() < 0.9, "{} {quality}", o.opinion.mos);
+    }
+    let mos: Vec<f64> = RECORD.opinions.iter().map(|o| o.opinion.mos).collect();
+    assert!(pearson(&mos, &SESSIONS.quality).unwrap() > 0.97);
+    assert_eq!(RECORD.spread, Spread::Scores);
+    assert!(RECORD.synthetic);
+}
+
+#[test]
+fn agreement_by_halves_by_variance_and_by_spread_is_the_same() {
+    let split = RECORD.split_half.as_ref().expect("split halves");
+    let (one, two) = (RECORD.intraclass_one_way.as_ref().unwrap(), RECORD.intraclass_two_way.as_ref().unwrap());
+    let sos = RECORD.sos.as_ref().expect("an SOS fit");
+    // Three routes to the same variances: halves of the panel, mean squares, and the fitted spread of single scores.
+    let mos: Vec<f64> = RECORD.opinions.iter().map(|o| o.opinion.mos).collect();
+    let by_spread = expected(&mos, sos.a, 30).unwrap();
+    assert!((split.pearson.mean - by_spread.split_half_pearson).abs() < 0.01, "{split:?} {by_spread:?}");
+    assert!((one.average.value - by_spread.signal).abs() < 0.005, "{one:?} {by_spread:?}");
+    let halves = one.average.value / (2.0 - one.average.value); // (V - N)/(V + N) from (V - N)/V
+    assert!((split.pearson.mean - halves).abs() < 0.01, "{split:?} {halves}");
+    // The part of the variance of the means that the truth explains.
+    let truth = pearson(&mos, &SESSIONS.quality).unwrap().powi(2);
+    assert!(truth < two.average.interval.high && truth > 0.9 * two.average.value, "{truth} {two:?}");
+    // One observer: noise .65^2, bias .3^2 and rounding 1/12 leave the rest of the variance of the grades to the pairs.
+    let variance = mean(&SESSIONS.quality.iter().map(|q| (q - mean(&SESSIONS.quality)).powi(2)).collect::<Vec<_>>());
+    let single = variance / (variance + 0.4225 + 0.09 + 1.0 / 12.0);
+    assert!((two.single.value - single).abs() < 0.06, "{single} {two:?}");
+    assert!((0.15..0.25).contains(&sos.a) && sos.interval.unwrap().contains(sos.a), "{sos:?}");
+}
+
+#[test]
+fn the_shift_between_illuminations_is_found_and_no_other_one() {
+    let both = RECORD.illumination.as_ref().expect("two illuminations");
+    assert_eq!(both.illuminations, [STUDIO, OVERCAST]);
+    assert!(both.mos.p < 1e-6 && both.mos.difference < 0.0, "{:?}", both.mos);
+    // Hidden references are of one quality under both.
+    let hidden = both.hidden_references.as_ref().expect("hidden references");
+    assert!(hidden.interval.contains(0.0) && hidden.numbers[0] > 10, "{hidden:?}");
+    // Where the scale does not end, the shift is recovered.
+    let mut pairs: BTreeMap<(&str, &str), [Option<usize>; 2]> = BTreeMap::new();
+    for (i, o) in RECORD.opinions.iter().enumerate() {
+        let side = usize::from(o.stimulus.illumination.as_deref() == Some(OVERCAST));
+        pairs.entry((&o.stimulus.material, &o.stimulus.method)).or_default()[side] = Some(i);
+    }
+    let middle = |i: &usize| (2.0..4.0).contains(&SESSIONS.quality[*i]);
+    let rows: Vec<[usize; 2]> = pairs.values().filter_map(|&[a, b]| Some([a.filter(middle)?, b?])).collect();
+    let side = |k: usize| rows.iter().map(|r| RECORD.opinions[r[k]].opinion.mos).collect::<Vec<_>>();
+    let test = paired(&side(1), &side(0)).unwrap();
+    assert!(rows.len() > 20 && test.interval.contains(OVERCAST_SHIFT), "{} {test:?}", rows.len());
+    // The shift does not depend on type or method.
+    let three = RECORD.anova_three_way.as_ref().expect("a three-way ANOVA");
+    for with in ["material type", "method"] {
+        assert!(three.term(&["illumination", with]).unwrap().p > 0.01, "{three:?}");
+    }
+    assert!(three.term(&["method"]).unwrap().p < 1e-6);
+}
+
+#[test]
+fn material_types_differ_as_their_true_quality_does() {
+    let types = RECORD.material_types.as_ref().expect("two types");
+    assert_eq!(types.types, ["Dielectric", "Metal"]);
+    let of = |name: &str| -> Vec<f64> {
+        let rows = MADE.study.pairs.iter().zip(&MADE.quality);
+        rows.filter(|(p, _)| p.material_type.as_deref() == Some(name)).map(|(_, q)| *q).collect()
+    };
+    let truth = mean(&of("Dielectric")) - mean(&of("Metal"));
+    assert!((types.mos.difference - truth).abs() < 0.1, "{truth} {types:?}");
+    assert!(types.by_material.unwrap().contains(types.mos.difference));
+    let hidden = types.hidden_references.as_ref().expect("hidden references");
+    assert!(hidden.p > 0.01, "{hidden:?}");
+    let table = RECORD.anova_two_way.as_ref().expect("a two-way ANOVA");
+    assert_eq!((table.rows, table.sums_of_squares.as_str()), (MADE.study.pairs.len(), "II"));
+}
+
+#[test]
+fn records_are_the_same_for_a_seed_and_survive_json() {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let again = one.install(|| describe(&SESSIONS.opinions, &Options::default())).unwrap();
+    assert_eq!(again, *RECORD);
+    let other = describe(&SESSIONS.opinions, &Options { seed: 2, ..Options::default() }).unwrap();
+    assert_ne!(other.split_half, RECORD.split_half);
+    let text = serde_json::to_string(&*RECORD).unwrap();
+    assert_eq!(serde_json::from_str::<StudyRecord>(&text).unwrap(), *RECORD);
+}
+
+#[test]
+fn what_a_study_lacks_is_named() {
+    // One judgement fewer: the two-way form needs a complete design, everything else goes on.
+    let mut opinions = SESSIONS.opinions.clone();
+    if let Scores::Raw(raw) = &mut opinions.scores {
+        raw.judgements.remove(0);
+    }
+    let record = describe(&opinions, &Options::default()).unwrap();
+    let why = |record: &StudyRecord, what: &str| {
+        record.missing.iter().find(|m| m.what.contains(what)).map(|m| m.why.clone()).unwrap_or_default()
+    };
+    assert!(why(&record, "ICC(2,1)").contains("observer-01 did not rate 1 of"), "{:?}", record.missing);
+    assert!(record.intraclass_two_way.is_none() && record.intraclass_one_way.is_some());
+    // Means alone.
+    let means = RECORD.opinions.iter().map(|o| o.opinion.mos).collect();
+    let record = describe(&StudyOpinions { scores: Scores::Means(means), ..opinions }, &Options::default()).unwrap();
+    assert_eq!(record.spread, Spread::NoiseModel { a: 0.2, raters: 30 });
+    for what in ["rater screening", "split-half", "intra-class", "SOS", "standard deviations by material type"] {
+        assert!(why(&record, what).starts_with("only mean scores are at hand"), "{what}: {:?}", record.missing);
+    }
+    assert!(record.boxes.iter().all(|set| set.boxes.iter().all(|b| b.interval_width.is_none())));
+    // The noise model expects what the panel shows.
+    let found = RECORD.split_half.as_ref().unwrap().pearson.mean;
+    assert!((record.expected_reliability.unwrap().split_half_pearson - found).abs() < 0.015);
+}
+
+#[test]
+fn a_panel_of_which_nobody_is_left_is_an_error() {
+    let mut opinions = SESSIONS.opinions.clone();
+    if let Scores::Raw(raw) = &mut opinions.scores {
+        raw.judgements.iter_mut().for_each(|j| j.seconds = Some(0.1));
+        raw.gold.clear();
+    }
+    let error = describe(&opinions, &Options::default()).unwrap_err();
+    assert_eq!(error, StudyError::AllRejected { left: 0, participants: 33 });
+    let kept = describe(&opinions, &Options { rejecting: vec![], ..Options::default() }).unwrap();
+    assert_eq!(kept.panel.unwrap().participants, 33);
+}
+
+#[test]
+fn published_means_give_what_scipy_and_statsmodels_give() {
+    let Some(data) = std::env::var_os("VERNIS_DATA").filter(|v| !v.is_empty()) else {
+        println!("skipped: VERNIS_DATA is not set");
+        return;
+    };
+    let opinions = StudyOpinions::load("lavoue2021", Some(Path::new(&data))).unwrap();
+    let record = describe(&opinions, &Options::default()).unwrap();
+    let (types, table) = (record.material_types.unwrap(), record.anova_two_way.unwrap());
+    let interaction = table.term(&["material type", "method"]).unwrap();
+    // Section 5.3 of the paper: types differ, and the interaction is significant with p < .001.
+    assert!(types.mos.difference > 0.0 && types.mos.p < 0.05 && interaction.p < 1e-3);
+    // Sections 5.2: split halves .964 (SD .001) and ICC .981, which the noise model has to come near to.
+    let reliability = record.expected_reliability.unwrap();
+    assert!((reliability.split_half_pearson - 0.964).abs() < 0.008, "{reliability:?}");
+    assert!((reliability.signal - 0.981).abs() < 0.004, "{reliability:?}");
+    if record.found == 1638 {
+        // 85 of the 100 materials. scipy 1.17.1: ttest_ind(dielectric, metal, equal_var=False); statsmodels 0.15.0:
+        // anova_lm(ols("mos ~ C(Type,Sum)*C(METHOD,Sum)", d).fit(), typ=2)
+        assert!((types.mos.t - 2.424502076163892).abs() < 1e-9 && (types.mos.p - 0.015617491704844663).abs() < 1e-9);
+        assert!((interaction.f - 12.984414).abs() < 1e-6 && interaction.freedom == 20);
+        assert!((interaction.p / 4.789701e-40 - 1.0).abs() < 1e-5, "{}", interaction.p);
+        assert!((table.term(&["method"]).unwrap().sum_of_squares - 728.342285).abs() < 1e-6);
+    }
+}
+
+/// Runs the program in `folder` without a data folder.
+fn run(folder: &Path, args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vernis"));
+    command.arg("study").args(args).current_dir(folder).env_remove("VERNIS_DATA").env_remove("VERNIS_CACHE");
+    command.output().expect("the program starts")
+}
+
+/// Two materials of two types, two methods and hidden references, three participants, two illuminations.
+fn ratings() -> String {
+    let mut text = "who,BRDF,type,model,light,answer,time,control,note\n".to_owned();
+    for (p, who) in ["ann", "bob", "cid"].iter().enumerate() {
+        for (m, (material, kind)) in
+            [("chalk", "Dielectric"), ("gold", "Metal"), ("clay", "Dielectric"), ("tin", "Metal")].iter().enumerate()
+        {
+            for (k, model) in ["GGX", "WARD", "REFERENCE"].iter().enumerate() {
+                for (l, light) in ["grace", "uffizi"].iter().enumerate() {
+                    let score = 1 + (p * 2 + m * 3 + k * 2 + l + p * m * k) % 5;
+                    text += &format!("{who},{material},{kind},{model},{light},{score},2.5,,\"a, b\"\n");
+                }
+            }
+        }
+        text += &format!("{who},x,,y,grace,{},2,5,\n", if p == 2 { 1 } else { 5 });
+    }
+    text
+}
+
+const LAYOUT: &str = "file = \"export.csv\"\n[columns]\nparticipant = \"who\"\nmaterial = \"BRDF\"\nmethod = \"model\"\n\
+    score = \"answer\"\nillumination = \"light\"\nseconds = \"time\"\ngold = \"control\"\nmaterial_type = \"type\"\n";
+
+#[test]
+fn the_command_reports_raw_ratings_of_a_users_own() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("export.csv"), ratings()).unwrap();
+    fs::write(dir.path().join("mine.toml"), LAYOUT).unwrap();
+    let output = run(dir.path(), &["--ratings", "mine.toml", "--out", "o"]);
+    let (text, error) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    assert_eq!((output.status.code(), error.as_str()), (Some(0), ""));
+    assert!(
+        text.starts_with("Ratings of export\n24 stimuli of 4 materials and 3 methods, under grace and uffizi"),
+        "{text}"
+    );
+    assert!(
+        text.contains("48 judgements of 2 participants, of 3 who took part") && text.contains("Rejected: cid."),
+        "{text}"
+    );
+    assert!(!text.contains("SYNTHETIC"), "{text}");
+    let record: StudyRecord =
+        serde_json::from_str(&fs::read_to_string(dir.path().join("o/study.json")).unwrap()).unwrap();
+    assert_eq!(record.command, "vernis study --ratings mine.toml --reject gold,time --seed 1");
+    assert_eq!((record.panel.unwrap().participants, record.data.len()), (2, 1));
+    let page = fs::read_to_string(dir.path().join("o/study.md")).unwrap();
+    assert!(page.contains("# Ratings of export") && page.contains("SHA-256"), "{page}");
+    // The same seed, the same bytes; nobody rejected, another panel.
+    let json = |args: &[&str]| String::from_utf8(run(dir.path(), args).stdout).unwrap();
+    let base = ["--ratings", "mine.toml", "--json"];
+    assert_eq!(json(&base), fs::read_to_string(dir.path().join("o/study.json")).unwrap());
+    let all: StudyRecord = serde_json::from_str(&json(&[&base[..], &["--reject", "none"]].concat())).unwrap();
+    assert_eq!(all.panel.unwrap().participants, 3);
+}
+
+#[test]
+fn the_command_marks_simulated_ratings() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = run(dir.path(), &[]);
+    let (text, error) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    assert_eq!(output.status.code(), Some(0), "{error}");
+    assert!(text.starts_with("Ratings of synthetic (SYNTHETIC)\nSYNTHETIC observers"), "{text}");
+    assert!(error.contains("For human ratings name a data folder"), "{error}");
+    assert!(fs::read_to_string(dir.path().join("out/synthetic/study.md")).unwrap().contains("SYNTHETIC observers"));
+}
+
+#[test]
+fn wrong_input_is_told_in_one_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    write("score.csv", "participant,material,method,score\na,m,S,7\n");
+    write("one.csv", "participant,material,method,score\na,m,S,3\na,n,S,4\n");
+    write("fast.csv", "participant,material,method,score,seconds\na,m,S,3,.1\nb,m,S,4,.1\n");
+    write("good.csv", "participant,material,method,score\na,m,S,3\nb,m,S,4\n");
+    write("file", "");
+    fs::create_dir_all(dir.path().join("data/lavoue2021")).unwrap();
+    write("data/lavoue2021/PerceptualDistances.csv", "METHOD;BRDF;DISTANCE\nSGD;teflon;2\n");
+    write("data/lavoue2021/MaterialType.csv", "BRDF;Type\nteflon;Dielectric\n");
+    for (args, expected) in [
+        (&["--ratings", "none.csv"][..], "none.csv"),
+        (&["--ratings", "score.csv"], "score.csv: line 2: score is `7`; allowed: 1 (very poor) to 5 (excellent)"),
+        (&["--ratings", "one.csv"], "one.csv: all scores are of one participant, a; allowed: at least 2"),
+        (&["--ratings", "fast.csv"], "fast: screening rejects all but 0 of 2 participants; allowed: at least 2 left"),
+        (&["--ratings", "good.csv", "--reject", "none,gold"], "--reject: found none,gold, allowed: none alone"),
+        (&["--ratings", "good.csv", "--out", "file/x"], "file/x: cannot write there"),
+        (&["--study", "lavoue2022"], "unknown study `lavoue2022`"),
+        (&["--study", "lavoue2021"], "needs a data folder"),
+        // Ratings that are there and wrong are not replaced by simulated ones.
+        (&["--data", "data"], "PerceptualDistances.csv: line 2: DISTANCE is `2`"),
+    ] {
+        let output = run(dir.path(), args);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), error.lines().count()), (Some(2), 1), "{args:?}: {error}");
+        assert!(error.contains(expected) && output.stdout.is_empty(), "{args:?}: {error}");
+    }
+    // As little as it can be: no statistic but the mean exists, and that is said.
+    let output = run(dir.path(), &["--ratings", "good.csv"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("split-half agreement: stimuli"), "{text}");
+}

@@ -8,7 +8,7 @@
 //! | LOST-HAZE | LOST-HAZE | the widest of several lobes gone; on cloth, sheen and retroreflection too |
 //! | WRONG-LOBE | WRONG-LOBE | another distribution of the same width at half maximum |
 //! | NOISE | NOISE | times exp(smooth noise over half/difference angles) |
-//! | STEP.1, STEP.2 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .5 |
+//! | STEP.1, STEP.2 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .75 |
 //!
 //! Strengths are drawn from a fixed stream, so the candidates are always the same.
 
@@ -80,7 +80,7 @@ pub fn of(reference: &NamedMaterial, target: &Material, rng: &mut ChaCha8Rng) ->
     }
     let amplitude = 0.2 + 1.3 * rng.random::<f64>();
     all.push(made("NOISE", "NOISE", Recipe::Noisy { base: m.clone(), amplitude, seed: rng.next_u64() }));
-    for (method, t) in [("STEP.1", 0.06), ("STEP.2", 0.5)] {
+    for (method, t) in [("STEP.1", 0.06), ("STEP.2", 0.75)] {
         all.push(made(method, "STEPS", Recipe::Blend { from: m.clone(), to: target.clone(), t }));
     }
     all

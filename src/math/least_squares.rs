@@ -4,7 +4,7 @@
 //!
 //! Columns join one by one (Gram-Schmidt, each orthogonalised twice, which keeps Q orthonormal to rounding: Giraud,
 //! Langou & Rozloznik 2005, doi:10.1016/j.camwa.2005.08.009). One that lies in the span of the earlier ones, to
-//! [`DEPENDENT`] of its length, adds nothing, so that redundant columns are welcome. Cost: 4 n rank flops a column.
+//! `DEPENDENT` of its length, adds nothing, so that redundant columns are welcome. Cost: 4 n rank flops a column.
 
 /// A column whose remainder is shorter than this part of the column depends on the earlier ones.
 const DEPENDENT: f64 = 1e-9;

@@ -14,7 +14,7 @@
 //! [`Dupuy::ggx`] and [`Dupuy::beckmann`] replace p by those of E|x| = alpha and E x^2 = alpha^2/2, x a slope along an axis.
 //!
 //! Source: Dupuy et al. 2015, doi:10.1111/cgf.12675, and its program dj_brdf, with which the study made these candidates;
-//! masking: Heitz 2014, eq. 99, http://jcgt.org/published/0003/02/03/. Difference: missing retro-reflections take the
+//! masking: Heitz 2014, eq. 99, <http://jcgt.org/published/0003/02/03/>. Difference: missing retro-reflections take the
 //! nearest value towards the normal; the integral over azimuth is closed. Cost: three look-ups; an extraction, 8,000
 //! square roots and arc cosines.
 

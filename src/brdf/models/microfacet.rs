@@ -3,7 +3,7 @@
 //! D: facets per unit of solid angle and of area (1/sr); visibility: G / (4 cos theta_i cos theta_o), written so that it
 //! stays finite at grazing angles (dimensionless).
 //! Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206; Smith's masking as the projected area of the facets:
-//! Heitz 2014, eqs. 72, 73, http://jcgt.org/published/0003/02/03/. Both directions are masked independently.
+//! Heitz 2014, eqs. 72, 73, <http://jcgt.org/published/0003/02/03/>. Both directions are masked independently.
 
 use super::HalfVector;
 use crate::math::Vec3;

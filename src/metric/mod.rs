@@ -1,5 +1,6 @@
 //! Distances between BRDFs: the trait, the classical metrics, the learned ones, and the registry of all by name.
 
+pub mod graph;
 pub mod learned;
 pub mod lp;
 pub mod registry;
@@ -32,6 +33,14 @@ pub enum MetricError {
     NotFinite { metric: String, value: f64 },
     #[error("{metric}: reference and candidate have no valid cell in common")]
     NoCommonCell { metric: String },
+    #[error("{side}: the BRDF has no valid cell on the grid of the metric")]
+    NoValidCell { side: &'static str },
+    #[error(
+        "{metric}: different grids, the reference on {reference}, the candidate on {candidate}; allowed: the same grid"
+    )]
+    DifferentGrids { metric: String, reference: String, candidate: String },
+    #[error("{what}: found {found}, allowed: {allowed}")]
+    Parameter { what: String, found: String, allowed: String },
     #[error("there is no metric `{name}`; {}", nearest_sentence(.nearest))]
     Unknown { name: String, nearest: Vec<String> },
     #[error("the metric that comes with this build cannot be read: {reason}")]

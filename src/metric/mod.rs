@@ -4,6 +4,7 @@ pub mod graph;
 pub mod learned;
 pub mod lp;
 pub mod registry;
+pub mod transport;
 
 use crate::brdf::Brdf;
 use learned::LearnedMetric;

@@ -5,6 +5,7 @@ pub mod kernel;
 pub mod learned;
 pub mod lp;
 pub mod registry;
+pub mod transport;
 
 use crate::brdf::{Brdf, Grid};
 use crate::math::{Rgb, Vec3};

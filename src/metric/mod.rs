@@ -43,6 +43,8 @@ pub enum MetricError {
         "{metric}: different grids, the reference on {reference}, the candidate on {candidate}; allowed: the same grid"
     )]
     DifferentGrids { metric: String, reference: String, candidate: String },
+    #[error("{metric}: {reason}")]
+    NotComputed { metric: String, reason: String },
     #[error("no table was made for the grid {grid}")]
     NoTable { grid: GraphGrid },
     #[error("{metric}: the distance has no gradient")]

@@ -7,6 +7,7 @@ use super::graph::{CosineTable, GraphGrid, combine};
 use super::kernel::KernelMetric;
 use super::learned::{LearnedMetric, Score};
 use super::lp::{LpDistances, LpMetric, LpVariant};
+use super::transport::TransportMetric;
 use super::{Metric, MetricError};
 use crate::brdf::Brdf;
 use std::collections::BTreeSet;
@@ -41,6 +42,7 @@ impl Registry {
         for variant in LpVariant::every() {
             registry.add(Arc::new(LpMetric::new(variant)))?;
         }
+        registry.add(Arc::new(TransportMetric::preset()?))?;
         for metric in KernelMetric::presets() {
             registry.add(Arc::new(metric))?;
         }

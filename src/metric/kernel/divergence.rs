@@ -256,7 +256,7 @@ mod tests {
             for setting in settings {
                 let exact = divergence(setting, &a, &b, true);
                 let found = divergence(setting, &a, &b, false);
-let most = if matches!(setting.kernel, Kernel::Laplacian { .. }) { 0.03 } else { 0.01 };
+                let most = if matches!(setting.kernel, Kernel::Laplacian { .. }) { 0.03 } else { 0.01 };
                 assert!((found / exact - 1.0).abs() < most, "{name} {setting:?}: {found:e} {exact:e}");
             }
         }

@@ -3,9 +3,8 @@
 use super::divergence::{DIRECT, Pair, Setting};
 use super::mixture::Kernel;
 use crate::brdf::Brdf;
-use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone, combine};
+use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Energy distance, Gaussian or Laplacian MMD between the graphs of two BRDFs.

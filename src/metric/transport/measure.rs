@@ -15,8 +15,8 @@
 //!
 //! Cost: 8 additions a cell, then one pass over the touched nodes for every pair of polar angles.
 
-use super::elementary::{LANES, Lanes};
 use super::TransportError;
+use super::elementary::{LANES, Lanes};
 use crate::metric::graph::GraphGrid;
 
 /// Value nodes beyond these multiples of h have no exact neighbours.

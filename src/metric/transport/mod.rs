@@ -31,9 +31,11 @@ mod direct;
 mod elementary;
 mod gaussian;
 mod measure;
+mod metric;
 mod parameters;
 mod quantised;
 
+pub use metric::TransportMetric;
 pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 
 use crate::metric::graph::GraphGrid;
@@ -52,7 +54,9 @@ pub enum TransportError {
          (15 x 15 x 60); the grid has {cells}"
     )]
     TooManyCells { p: f64, alpha: f64, blur: f64, cells: usize, allowed: usize },
-    #[error("the annealing takes {found} steps, at most {allowed} are allowed: take a smaller scaling or a larger blur")]
+    #[error(
+        "the annealing takes {found} steps, at most {allowed} are allowed: take a smaller scaling or a larger blur"
+    )]
     TooManySteps { found: f64, allowed: usize },
     #[error("the graph takes {found} nodes, at most {allowed} are allowed: compress the values more, or blur more")]
     TooManyNodes { found: usize, allowed: usize },

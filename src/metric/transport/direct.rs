@@ -59,7 +59,7 @@ struct Kernel {
 pub(super) fn divergence(parameters: &SinkhornParameters, annealing: &Annealing, a: &Points, b: &Points) -> f64 {
     let zero = |points: &Points| vec![0.0; points.len];
     let (mut f_aa, mut f_ba, mut g_bb, mut g_ab) = (zero(a), zero(a), zero(b), zero(b));
-    annealing.run(|epsilon, keep| {
+    for (epsilon, keep) in annealing.updates() {
         let kernel = Kernel { cost: parameters.cost(), alpha: parameters.alpha(), epsilon };
         // Both from the old potentials.
         let (old_f_ba, old_g_ab) = (f_ba.clone(), g_ab.clone());
@@ -68,7 +68,7 @@ pub(super) fn divergence(parameters: &SinkhornParameters, annealing: &Annealing,
         let (old_f_aa, old_g_bb) = (f_aa.clone(), g_bb.clone());
         kernel.update(a, &old_f_aa, a, &mut f_aa, keep);
         kernel.update(b, &old_g_bb, b, &mut g_bb, keep);
-    });
+    }
     let mean = |f: &[f64], g: &[f64]| f.iter().zip(g).map(|(f, g)| f - g).sum::<f64>() / f.len() as f64;
     mean(&f_ba, &f_aa) + mean(&g_ab, &g_bb)
 }

@@ -16,6 +16,9 @@ pub(super) type Lanes = [f64; LANES];
 /// Below this argument [`exp`] stays at exp(-700), about 1e-304, instead of falling to denormal numbers.
 const SMALLEST_ARGUMENT: f64 = -700.0;
 
+/// [`exp`] takes no larger argument.
+pub(super) const LARGEST_ARGUMENT: f64 = 700.0;
+
 /// a b + c.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {

@@ -55,6 +55,16 @@ impl Lattice {
         if nodes == 1.0 { 0.0 } else { alpha * (cells - 1.0) / cells / (nodes - 1.0) }
     }
 
+    /// The mean variance that the hat functions of `axis` add to a cell, in squared node distances.
+    pub fn base_excess(&self, axis: usize) -> f64 {
+        let cells = self.grid.shape()[axis];
+        let variance = |index| {
+            let (_, t) = self.hat(axis, index);
+            t * (1.0 - t)
+        };
+        (0..cells).map(variance).sum::<f64>() / cells as f64
+    }
+
     pub fn base_len(&self) -> usize {
         self.nodes.iter().product()
     }
@@ -91,12 +101,16 @@ impl Measure {
         Ok(measure)
     }
 
+    /// Whether each value node but the last has a neighbour above.
+    fn adjacent(&self) -> Vec<bool> {
+        self.values.as_flattened().windows(2).map(|pair| pair[1] - pair[0] == 1.0).collect()
+    }
+
     /// Anti-diffusion along the value axis.
     fn sharpen(&mut self, excess: &[Lanes]) {
         let entries = self.values.len();
-        let values = self.values.as_flattened();
-        let adjacent: Vec<bool> = values.windows(2).map(|pair| pair[1] - pair[0] == 1.0).collect();
-        let mut taken = vec![0.0; values.len()];
+        let adjacent = self.adjacent();
+        let mut taken = vec![0.0; entries * LANES];
         for (mass, excess) in self.mass.chunks_exact_mut(entries).zip(excess.chunks_exact(entries)) {
             let (mass, excess) = (mass.as_flattened_mut(), excess.as_flattened());
             for k in 1..mass.len() - 1 {
@@ -112,11 +126,61 @@ impl Measure {
     }
 }
 
+/// The derivative of a function of a measure with respect to the values of its cells.
+///
+/// `of_mass`: its derivative with respect to the masses. The transport of anti-diffusion passes it on to whichever of the
+/// three limits binds. The derivative with respect to an invalid cell is 0.
+pub(super) fn pull_back(measure: &Measure, cells: &[f64], valid: impl Fn(usize) -> bool, of_mass: &[Lanes]) -> Vec<f64> {
+    let lattice = &measure.lattice;
+    let [_, cells_o, cells_phi] = lattice.grid.shape();
+    let [_, nodes_o, nodes_phi] = lattice.nodes;
+    let columns = measure.values.len() * LANES;
+    let count = (0..cells.len()).filter(|&cell| valid(cell)).count();
+    let splat = Splat::new(lattice, &measure.values, cells, &valid);
+    let (of_linear, of_excess) = splat.pull_back(measure, of_mass);
+    let mut finder = ColumnFinder { values: measure.values.as_flattened(), last: 0 };
+    let mut gradient = vec![0.0; cells.len()];
+    for (cell, slope) in gradient.iter_mut().enumerate().filter(|&(cell, _)| valid(cell)) {
+        let hats = [
+            lattice.hat(0, cell / (cells_o * cells_phi)),
+            lattice.hat(1, cell / cells_phi % cells_o),
+            lattice.hat(2, cell % cells_phi),
+        ];
+        let position = cells[cell] / lattice.spacing;
+        let multiple = floor(position);
+        let (t, column) = (position - multiple, finder.find(multiple));
+        for corner in 0..8 {
+            let mut weight = 1.0;
+            let mut node = [0; 3];
+            for (axis, &(lower, upper)) in hats.iter().enumerate() {
+                let above = corner >> axis & 1;
+                node[axis] = lower + above;
+                weight *= if above == 1 { upper } else { 1.0 - upper };
+            }
+            if weight > 0.0 {
+                let at = ((node[0] * nodes_o + node[1]) * nodes_phi + node[2]) * columns + column;
+                *slope += weight
+                    * (of_linear[at + 1] - of_linear[at]
+                        + of_excess[at] * (2.0 - 6.0 * t + 3.0 * t * t) / 6.0
+                        + of_excess[at + 1] * (1.0 - 3.0 * t * t) / 6.0);
+            }
+        }
+        *slope /= count as f64 * lattice.spacing;
+    }
+    gradient
+}
+
+/// The largest integer up to x, saturating at 2^63: without SSE4.1, `f64::floor` is a library call.
+fn floor(x: f64) -> f64 {
+    let truncated = x as i64 as f64;
+    if truncated > x { truncated - 1.0 } else { truncated }
+}
+
 /// The multiples of h that a valid cell touches, in increasing order.
 fn touched(lattice: &Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Vec<Lanes>, TransportError> {
     let mut multiples: Vec<f64> = Vec::new();
     for (index, &value) in cells.iter().enumerate().filter(|&(index, _)| valid(index)) {
-        let multiple = (value / lattice.spacing).floor();
+        let multiple = floor(value / lattice.spacing);
         if multiple.abs() > LARGEST_MULTIPLE {
             let allowed = LARGEST_MULTIPLE * lattice.spacing;
             return Err(TransportError::ValueTooLarge { cell: index, found: value, allowed });
@@ -209,7 +273,7 @@ impl Splat {
 impl Rows {
     /// One cell, at `position` along the value axis in units of h.
     fn splat(&mut self, (row, upper): (usize, f64), position: f64, weight: f64, finder: &mut ColumnFinder) {
-        let multiple = position.floor();
+        let multiple = floor(position);
         let t = position - multiple;
         let column = finder.find(multiple);
         self.touch(column..column + 2);
@@ -232,6 +296,31 @@ impl Rows {
                 self.add(node * rows, weight, other);
             }
         }
+    }
+}
+
+impl Splat {
+    /// The derivatives with respect to the linear splat A and to V, given that with respect to the masses.
+    fn pull_back(&self, measure: &Measure, of_mass: &[Lanes]) -> (Vec<f64>, Vec<f64>) {
+        let columns = measure.values.len() * LANES;
+        let adjacent = measure.adjacent();
+        let (mass, excess) = (self.mass.as_flattened(), self.excess.as_flattened());
+        let mut of_linear = of_mass.as_flattened().to_vec();
+        let mut of_excess = vec![0.0; of_linear.len()];
+        let of_mass = of_mass.as_flattened();
+        for row in (0..mass.len()).step_by(columns) {
+            for k in (1..columns - 1).filter(|&k| adjacent[k - 1] && adjacent[k]) {
+                let at = row + k;
+                let of_taken = 2.0 * of_mass[at] - of_mass[at - 1] - of_mass[at + 1];
+                let lower = if mass[at - 1] < mass[at + 1] { at - 1 } else { at + 1 };
+                if excess[at] <= LARGEST_SHARE * mass[lower] {
+                    of_excess[at] += of_taken;
+                } else {
+                    of_linear[lower] += LARGEST_SHARE * of_taken;
+                }
+            }
+        }
+        (of_linear, of_excess)
     }
 }
 

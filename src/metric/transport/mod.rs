@@ -30,10 +30,12 @@ mod annealing;
 mod direct;
 mod elementary;
 mod gaussian;
+mod gradient;
 mod measure;
 mod metric;
 mod parameters;
 mod quantised;
+mod value_axis;
 
 pub use metric::TransportMetric;
 pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
@@ -42,6 +44,7 @@ use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use direct::Points;
 use measure::{Lattice, Measure};
+use std::borrow::Cow;
 use thiserror::Error;
 
 /// Why there is no divergence.
@@ -72,6 +75,8 @@ pub enum TransportError {
     NoCommonCell,
     #[error("the two channels were not prepared for the same grid and for these parameters")]
     Mismatch,
+    #[error("sums over all pairs of cells (p = 1, or alpha beyond 20 blurs) have no gradient here")]
+    NoGradient,
 }
 
 /// One channel of a BRDF, ready to be compared with many others.
@@ -86,6 +91,7 @@ pub struct PreparedChannel {
     valid: Option<Vec<bool>>,
     method: Method,
     form: Form,
+    extents: Extents,
 }
 
 /// The channel as its method needs it.
@@ -124,8 +130,9 @@ impl PreparedChannel {
         }
         let method = parameters.method(grid)?;
         let form = Form::new(method, grid, values, is_valid)?;
+        let extents = Extents::new(grid, values, is_valid);
         let valid = valid.filter(|valid| valid.contains(&false)).map(<[bool]>::to_vec);
-        Ok(Self { grid, values: values.to_vec(), valid, method, form })
+        Ok(Self { grid, values: values.to_vec(), valid, method, form, extents })
     }
 
     fn is_valid(&self, cell: usize) -> bool {
@@ -139,21 +146,8 @@ impl PreparedChannel {
             return Err(TransportError::NoCommonCell);
         }
         let form = Form::new(self.method, self.grid, &self.values, |cell| valid[cell])?;
-        Ok(Self { form, valid: Some(valid), values: self.values.clone(), ..*self })
-    }
-
-    /// Smallest and largest coordinate of the points along the four axes.
-    fn extents(&self, alpha: f64) -> [(f64, f64); 4] {
-        let [_, n_o, n_phi] = self.grid.shape();
-        let mut extents = [(f64::INFINITY, f64::NEG_INFINITY); 4];
-        for (cell, &value) in self.values.iter().enumerate().filter(|&(cell, _)| self.is_valid(cell)) {
-            let place = |axis, k| alpha * self.grid.position(axis, k);
-            let [i, o, k] = [cell / (n_o * n_phi), cell / n_phi % n_o, cell % n_phi];
-            for (extent, x) in extents.iter_mut().zip([place(0, i), place(1, o), place(2, k), value]) {
-                *extent = (extent.0.min(x), extent.1.max(x));
-            }
-        }
-        extents
+        let extents = Extents::new(self.grid, &self.values, |cell| valid[cell]);
+        Ok(Self { form, extents, valid: Some(valid), values: self.values.clone(), ..*self })
     }
 }
 
@@ -173,6 +167,75 @@ impl Form {
     }
 }
 
+/// Smallest and largest coordinates of the points: of the base for alpha = 1, and of the values.
+#[derive(Debug, Clone, Copy)]
+struct Extents {
+    base: [(f64, f64); 3],
+    values: (f64, f64),
+}
+
+impl Extents {
+    fn new(grid: GraphGrid, values: &[f64], valid: impl Fn(usize) -> bool) -> Self {
+        let [_, n_o, n_phi] = grid.shape();
+        let union = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+        let mut extents = Self { base: [NOTHING; 3], values: NOTHING };
+        for (row, values) in values.chunks_exact(n_phi).enumerate() {
+            let first = row * n_phi;
+            let is_valid = |k: &usize| valid(first + k);
+            let mut range = (0..n_phi).filter(is_valid);
+            let Some(lowest) = range.next() else { continue };
+            let highest = range.next_back().unwrap_or(lowest);
+            let ends = [(row / n_o, row / n_o), (row % n_o, row % n_o), (lowest, highest)];
+            for (axis, (base, ends)) in extents.base.iter_mut().zip(ends).enumerate() {
+                *base = union(*base, (grid.position(axis, ends.0), grid.position(axis, ends.1)));
+            }
+            for &value in (0..n_phi).filter(is_valid).map(|k| &values[k]) {
+                extents.values = union(extents.values, (value, value));
+            }
+        }
+        extents
+    }
+
+    /// Diagonal of the bounding box of both graphs.
+    fn joint_diameter(&self, other: &Self, alpha: f64) -> f64 {
+        let length = |a: (f64, f64), b: (f64, f64)| a.1.max(b.1) - a.0.min(b.0);
+        let base = self.base.iter().zip(other.base).map(|(&a, b)| (alpha * length(a, b)).powi(2));
+        (base.sum::<f64>() + length(self.values, other.values).powi(2)).sqrt()
+    }
+}
+
+/// The extent of no point.
+const NOTHING: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
+
+/// Two channels with the same valid cells, and the epsilons between them.
+struct Comparison<'a> {
+    reference: Cow<'a, PreparedChannel>,
+    candidate: Cow<'a, PreparedChannel>,
+    /// `None` where all points of both sides coincide.
+    annealing: Option<Annealing>,
+}
+
+impl<'a> Comparison<'a> {
+    fn new(
+        parameters: &SinkhornParameters,
+        reference: &'a PreparedChannel,
+        candidate: &'a PreparedChannel,
+    ) -> Result<Self, TransportError> {
+        let method = parameters.method(reference.grid)?;
+        if candidate.grid != reference.grid || candidate.method != method || reference.method != method {
+            return Err(TransportError::Mismatch);
+        }
+        let (reference, candidate) = if reference.valid == candidate.valid {
+            (Cow::Borrowed(reference), Cow::Borrowed(candidate))
+        } else {
+            (Cow::Owned(reference.restricted(candidate)?), Cow::Owned(candidate.restricted(reference)?))
+        };
+        let diameter = reference.extents.joint_diameter(&candidate.extents, parameters.alpha());
+        let annealing = if diameter > 0.0 { Some(Annealing::new(parameters, diameter)?) } else { None };
+        Ok(Self { reference, candidate, annealing })
+    }
+}
+
 /// The debiased Sinkhorn divergence of two channels: 0 where they are equal, symmetric, and, but for rounding and the
 /// incomplete annealing, not negative (the metrics take max(W, 0)).
 ///
@@ -184,37 +247,32 @@ pub fn divergence(
     reference: &PreparedChannel,
     candidate: &PreparedChannel,
 ) -> Result<f64, TransportError> {
-    let method = parameters.method(reference.grid)?;
-    if candidate.grid != reference.grid || candidate.method != method || reference.method != method {
-        return Err(TransportError::Mismatch);
-    }
-    if reference.valid != candidate.valid {
-        return common_divergence(parameters, &reference.restricted(candidate)?, &candidate.restricted(reference)?);
-    }
-    common_divergence(parameters, reference, candidate)
-}
-
-/// The divergence of channels that have the same valid cells.
-fn common_divergence(
-    parameters: &SinkhornParameters,
-    reference: &PreparedChannel,
-    candidate: &PreparedChannel,
-) -> Result<f64, TransportError> {
-    let diameter = joint_diameter(parameters.alpha(), reference, candidate);
-    if diameter == 0.0 {
-        // All points of both sides coincide.
-        return Ok(0.0);
-    }
-    let annealing = Annealing::new(parameters, diameter)?;
-    match (&reference.form, &candidate.form) {
-        (Form::Quantised(a), Form::Quantised(b)) => Ok(quantised::divergence(parameters.alpha(), &annealing, a, b)),
-        (Form::Direct(a), Form::Direct(b)) => Ok(direct::divergence(parameters, &annealing, a, b)),
+    let pair = Comparison::new(parameters, reference, candidate)?;
+    let Some(annealing) = &pair.annealing else { return Ok(0.0) };
+    match (&pair.reference.form, &pair.candidate.form) {
+        (Form::Quantised(a), Form::Quantised(b)) => Ok(quantised::divergence(parameters.alpha(), annealing, a, b)),
+        (Form::Direct(a), Form::Direct(b)) => Ok(direct::divergence(parameters, annealing, a, b)),
         _ => Err(TransportError::Mismatch),
     }
 }
 
-/// Diagonal of the bounding box of both graphs.
-fn joint_diameter(alpha: f64, a: &PreparedChannel, b: &PreparedChannel) -> f64 {
-    let extents = a.extents(alpha).into_iter().zip(b.extents(alpha));
-    extents.map(|(a, b)| (a.1.max(b.1) - a.0.min(b.0)).powi(2)).sum::<f64>().sqrt()
+/// The divergence and its derivative with respect to the values phi(max(f cos theta_i, 0)) of the candidate's cells, 0 at
+/// cells that do not take part. What it is the exact gradient of is said in [`gradient`]: the value returned, with the
+/// schedule of epsilons held.
+///
+/// # Errors
+/// Those of [`divergence`], and [`TransportError::NoGradient`] with the direct method.
+pub fn divergence_and_gradient(
+    parameters: &SinkhornParameters,
+    reference: &PreparedChannel,
+    candidate: &PreparedChannel,
+) -> Result<(f64, Vec<f64>), TransportError> {
+    let pair = Comparison::new(parameters, reference, candidate)?;
+    let values = &pair.candidate.values;
+    let Some(annealing) = &pair.annealing else { return Ok((0.0, vec![0.0; values.len()])) };
+    let (Form::Quantised(a), Form::Quantised(b)) = (&pair.reference.form, &pair.candidate.form) else {
+        return Err(TransportError::NoGradient);
+    };
+    let valid = |cell| pair.candidate.is_valid(cell);
+    Ok(gradient::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
 }

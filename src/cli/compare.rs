@@ -89,9 +89,14 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
             text += &format!("  predicted MOS {:.2} of 5, 95 % between {:.2} and {:.2}", s.mos, s.low, s.high);
         }
         if let (true, Some([r, g, b])) = (per_channel, d.channels) {
-            text += &format!("  R {r:.6}  G {g:.6}  B {b:.6}");
+            text += &format!("  R {}  G {}  B {}", number(r), number(g), number(b));
         }
         text = text.trim_end().to_owned() + "\n";
     }
     text
+}
+
+/// Six decimals, or as many digits where they would show nothing.
+fn number(x: f64) -> String {
+    if x == 0.0 || x.abs() >= 0.01 { format!("{x:.6}") } else { format!("{x:.5e}") }
 }

@@ -22,5 +22,5 @@ mod tone;
 pub use grid::GraphGrid;
 pub use metric::{GraphMetric, PreparedGraph, combine};
 pub use notation::Options;
-pub use table::{CommonCells, CosineTable};
+pub use table::{CommonCells, CompactTable, CosineTable};
 pub use tone::Tone;

@@ -24,6 +24,36 @@ pub struct CosineTable {
     sampling: Option<Grid>,
 }
 
+/// A [`CosineTable`] in half the memory, for many of them: values rounded to f32, a mask only where a cell is masked.
+#[derive(Debug, Clone)]
+pub struct CompactTable {
+    grid: GraphGrid,
+    values: [Vec<f32>; 3],
+    masked: Option<Vec<bool>>,
+    sampling: Option<Grid>,
+}
+
+impl CompactTable {
+    /// Rounds the values of `table`, by less than one part in ten million.
+    pub fn new(table: &CosineTable) -> Self {
+        let CosineTable { grid, values, valid, sampling } = table;
+        let values = [0, 1, 2].map(|c: usize| values[c].iter().map(|v| *v as f32).collect());
+        let masked = (!valid.iter().all(|v| *v)).then(|| valid.clone());
+        Self { grid: *grid, values, masked, sampling: *sampling }
+    }
+
+    pub fn expand(&self) -> CosineTable {
+        let values = [0, 1, 2].map(|c: usize| self.values[c].iter().map(|v| f64::from(*v)).collect());
+        let valid = self.masked.clone().unwrap_or_else(|| vec![true; self.grid.len()]);
+        CosineTable { grid: self.grid, values, valid, sampling: self.sampling }
+    }
+
+    /// Bytes that a table without masked cells takes.
+    pub fn bytes(grid: GraphGrid) -> usize {
+        3 * size_of::<f32>() * grid.len()
+    }
+}
+
 /// The cells that are measured on both sides of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CommonCells {

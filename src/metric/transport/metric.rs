@@ -1,6 +1,8 @@
 //! The transportation distance as a metric.
 
-use super::{Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence};
+use super::{
+    Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence, divergence_and_gradient,
+};
 use crate::brdf::Brdf;
 use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
@@ -88,12 +90,28 @@ impl TransportMetric {
             .map_err(|cause| self.failed(Some(side), &cause))
     }
 
+    fn each_channel<T: Send>(
+        &self,
+        reference: &CosineTable,
+        candidate: &CosineTable,
+        of: impl Fn(usize, &PreparedChannel, &PreparedChannel) -> Result<T, TransportError> + Sync,
+    ) -> Result<[T; 3], MetricError> {
+        reference.common_cells(candidate, &self.name)?;
+        let channel = |c: usize| {
+            let (a, b) = (self.prepared(reference, c, "reference")?, self.prepared(candidate, c, "candidate")?);
+            of(c, &a, &b).map_err(|cause| self.failed(None, &cause))
+        };
+        let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
+        Ok([red?, green?, blue?])
+    }
+
     fn failed(&self, side: Option<&'static str>, cause: &TransportError) -> MetricError {
         match (side, cause) {
             (Some(side), TransportError::NoValidCell) => MetricError::NoValidCell { side },
             (Some(side), TransportError::NotFinite { .. } | TransportError::ValueTooLarge { .. }) => {
                 MetricError::Unusable { side, reason: cause.to_string() }
             }
+            (_, TransportError::NoGradient) => MetricError::NoGradient { metric: self.name.clone() },
             _ => MetricError::NotComputed { metric: self.name.clone(), reason: cause.to_string() },
         }
     }
@@ -184,12 +202,19 @@ impl GraphMetric for TransportMetric {
     }
 
     fn channels(&self, reference: &CosineTable, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        reference.common_cells(candidate, &self.name)?;
-        let channel = |c: usize| {
-            let (a, b) = (self.prepared(reference, c, "reference")?, self.prepared(candidate, c, "candidate")?);
-            divergence(&self.parameters, &a, &b).map_err(|cause| self.failed(None, &cause))
-        };
-        let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
-        Ok([red?, green?, blue?])
+        self.each_channel(reference, candidate, |_, a, b| divergence(&self.parameters, a, b))
+    }
+
+    fn channel_gradients(
+        &self,
+        reference: &CosineTable,
+        candidate: &CosineTable,
+    ) -> Option<Result<[(f64, Vec<f64>); 3], MetricError>> {
+        Some(self.each_channel(reference, candidate, |channel, a, b| {
+            let (value, mut slopes) = divergence_and_gradient(&self.parameters, a, b)?;
+            let values = candidate.channel(channel);
+            slopes.iter_mut().zip(values).for_each(|(slope, t)| *slope *= self.tone.derivative(*t));
+            Ok((value, slopes))
+        }))
     }
 }

@@ -68,9 +68,8 @@ impl Lattice {
                 for (d, hat) in base[2].hats.iter().enumerate() {
                     let cell = (i * n_o + o) * n_d + d;
                     if common.contains(cell) {
-                        for (w, sign) in [(a[cell], 1.0), (b[cell], -1.0)] {
-                            row.add(values.place(w), *hat, sign);
-                        }
+                        row.add(0, values.place(a[cell]), *hat);
+                        row.add(1, values.place(b[cell]), *hat);
                     }
                 }
                 let (x, y) = (base[0].hats[i], base[1].hats[o]);
@@ -172,28 +171,29 @@ fn corners(x: Hat, y: Hat) -> [(usize, usize, f64); 4] {
     ]
 }
 
-/// The points of one (theta_i, theta_o) on value x phi_d nodes.
+/// The points of one (theta_i, theta_o) on value x phi_d nodes. Both sides are summed apart, so that exchanging them changes
+/// nothing but the sign of the difference.
 struct RowSplat {
     width: usize,
-    mass: Vec<f64>,
+    sides: [Vec<f64>; 2],
     touched: Vec<bool>,
     list: Vec<usize>,
 }
 
 impl RowSplat {
     fn new(values: usize, width: usize) -> Self {
-        Self { width, mass: vec![0.0; values * width], touched: vec![false; values], list: Vec::new() }
+        Self { width, sides: [(); 2].map(|()| vec![0.0; values * width]), touched: vec![false; values], list: Vec::new() }
     }
 
-    fn add(&mut self, place: Place, along: Hat, sign: f64) {
-        for (q, weight) in (place.first..).zip(place.weights.map(|weight| sign * weight)) {
+    fn add(&mut self, side: usize, place: Place, along: Hat) {
+        for (q, weight) in (place.first..).zip(place.weights) {
             if !self.touched[q] {
                 self.touched[q] = true;
                 self.list.push(q);
             }
             let at = q * self.width + along.below;
-            self.mass[at] += weight * (1.0 - along.t);
-            self.mass[at + 1] += weight * along.t;
+            self.sides[side][at] += weight * (1.0 - along.t);
+            self.sides[side][at + 1] += weight * along.t;
         }
     }
 
@@ -201,12 +201,16 @@ impl RowSplat {
     fn flush(&mut self, lattice: &mut [f64], plane: usize, places: [(usize, f64); 4]) {
         for q in self.list.drain(..) {
             self.touched[q] = false;
-            let row = &mut self.mass[q * self.width..(q + 1) * self.width];
+            let range = q * self.width..(q + 1) * self.width;
+            let [a, b] = &mut self.sides;
+            a[range.clone()].iter_mut().zip(&b[range.clone()]).for_each(|(a, b)| *a -= b);
             for (place, weight) in places.into_iter().filter(|(_, weight)| *weight != 0.0) {
                 let at = q * plane + place;
-                lattice[at..at + row.len()].iter_mut().zip(&*row).for_each(|(l, m)| *l += weight * m);
+                let nodes = &mut lattice[at..at + self.width];
+                nodes.iter_mut().zip(&a[range.clone()]).for_each(|(l, m)| *l += weight * m);
             }
-            row.fill(0.0);
+            a[range.clone()].fill(0.0);
+            b[range].fill(0.0);
         }
     }
 }

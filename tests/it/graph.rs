@@ -73,7 +73,7 @@ fn black_constant_and_mirror_like_tables_have_finite_distances() {
         table(|cell| Some(noise[cell])),
         table(|cell| Some(if cell == 1900 { 1e5 } else { 0.1 })),
         table(|cell| (cell % 7 != 0).then_some(noise[cell])),
-        table(|cell| ((4..6).contains(&(cell / 384)).then_some(0.2)),
+        table(|cell| (4..6).contains(&(cell / 384)).then_some(0.2)),
     ];
     for metric in metrics().iter().filter(|m| m.name().contains(GRID)) {
         for (i, a) in tables.iter().enumerate() {

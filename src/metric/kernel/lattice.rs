@@ -182,7 +182,12 @@ struct RowSplat {
 
 impl RowSplat {
     fn new(values: usize, width: usize) -> Self {
-        Self { width, sides: [(); 2].map(|()| vec![0.0; values * width]), touched: vec![false; values], list: Vec::new() }
+        Self {
+            width,
+            sides: [(); 2].map(|()| vec![0.0; values * width]),
+            touched: vec![false; values],
+            list: Vec::new(),
+        }
     }
 
     fn add(&mut self, side: usize, place: Place, along: Hat) {

@@ -9,6 +9,7 @@ mod metrics;
 mod progress;
 mod score;
 mod study;
+mod sweep;
 #[cfg(feature = "train")]
 mod train;
 mod workspace;
@@ -63,6 +64,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Compare many pairs, from a CSV file to a CSV file.
     Score(score::ScoreArgs),
+    /// Sweep the parameters of the transport and energy distances over a study.
+    Sweep(sweep::SweepArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -131,6 +134,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Benchmark(args) => train::benchmark(&cli.shared, args),
         Command::Compare(args) => compare::run(&cli.shared, args),
         Command::Score(args) => score::run(&cli.shared, args),
+        Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),

@@ -8,6 +8,7 @@ pub mod output;
 pub mod page;
 pub mod spreadsheet;
 pub mod study;
+pub mod sweep;
 pub mod tables;
 
 use crate::evaluation::records::BenchmarkRecord;

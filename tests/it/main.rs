@@ -5,6 +5,7 @@ mod cli;
 mod dataset;
 mod descriptor;
 mod evaluation;
+mod graph;
 mod learned;
 mod lp;
 mod lp_golden;
@@ -15,3 +16,5 @@ mod shipped;
 mod study;
 #[cfg(feature = "train")]
 mod train;
+mod transport;
+mod transport_pairs;

@@ -15,8 +15,8 @@
 //!
 //! Cost: 8 additions a cell, then one pass over the touched nodes for every pair of polar angles.
 
-use super::elementary::{LANES, Lanes};
 use super::TransportError;
+use super::elementary::{LANES, Lanes};
 use crate::metric::graph::GraphGrid;
 
 /// Value nodes beyond these multiples of h have no exact neighbours.
@@ -130,7 +130,12 @@ impl Measure {
 ///
 /// `of_mass`: its derivative with respect to the masses. The transport of anti-diffusion passes it on to whichever of the
 /// three limits binds. The derivative with respect to an invalid cell is 0.
-pub(super) fn pull_back(measure: &Measure, cells: &[f64], valid: impl Fn(usize) -> bool, of_mass: &[Lanes]) -> Vec<f64> {
+pub(super) fn pull_back(
+    measure: &Measure,
+    cells: &[f64],
+    valid: impl Fn(usize) -> bool,
+    of_mass: &[Lanes],
+) -> Vec<f64> {
     let lattice = &measure.lattice;
     let [_, cells_o, cells_phi] = lattice.grid.shape();
     let [_, nodes_o, nodes_phi] = lattice.nodes;
@@ -235,6 +240,9 @@ impl Rows {
     }
 
     fn clear(&mut self) {
+        if self.touched.is_empty() {
+            return;
+        }
         for array in [&mut self.mass, &mut self.excess] {
             array.chunks_exact_mut(self.columns).for_each(|row| row[self.touched.clone()].fill(0.0));
         }

@@ -55,7 +55,9 @@ pub enum TransportError {
          (15 x 15 x 60); the grid has {cells}"
     )]
     TooManyCells { p: f64, alpha: f64, blur: f64, cells: usize, allowed: usize },
-    #[error("the annealing takes {found} steps, at most {allowed} are allowed: take a smaller scaling or a larger blur")]
+    #[error(
+        "the annealing takes {found} steps, at most {allowed} are allowed: take a smaller scaling or a larger blur"
+    )]
     TooManySteps { found: f64, allowed: usize },
     #[error("the graph takes {found} nodes, at most {allowed} are allowed: compress the values more, or blur more")]
     TooManyNodes { found: usize, allowed: usize },

@@ -8,6 +8,7 @@ mod describe;
 mod metrics;
 mod progress;
 mod score;
+mod sweep;
 #[cfg(feature = "train")]
 mod train;
 mod workspace;
@@ -62,6 +63,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Compare many pairs, from a CSV file to a CSV file.
     Score(score::ScoreArgs),
+    /// Sweep the parameters of the transport and energy distances over a study.
+    Sweep(sweep::SweepArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -128,6 +131,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Benchmark(args) => train::benchmark(&cli.shared, args),
         Command::Compare(args) => compare::run(&cli.shared, args),
         Command::Score(args) => score::run(&cli.shared, args),
+        Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Data(args) => data::run(&cli.shared, args),

@@ -9,8 +9,10 @@ use crate::dataset::{Study, synthetic};
 use crate::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::evaluation::study_benchmark::{RunInfo, StudyBenchmark, data_hashes, protocol, run};
+use crate::metric::Metric;
 use crate::metric::learned::Regressor;
 use crate::metric::learned::exported::{DataHash, Descriptors, ExportedMetric, Provenance, Reached};
+use crate::metric::registry::Registry;
 use crate::report::{OutputFolder, tables, write_benchmark};
 use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
 use crate::train::ensemble::bootstrap_members;
@@ -195,8 +197,9 @@ impl Job {
         workspace::warn(cache.and_then(|c| c.prepare(setup)));
         let set = DescriptorSet::all();
         let progress = |stage, p| bar.update(stage, p);
-        let matrix =
-            MatrixBuilder { set: &set, setup, base, cache, progress: &progress }.build(study).map_err(user_error)?;
+        let matrix = MatrixBuilder { set: &set, setup, graphs: &graphs(study)?, base, cache, progress: &progress }
+            .build(study)
+            .map_err(user_error)?;
         workspace::warn(&matrix.warnings);
         bar.stage("embeddings");
         let samples = &matrix.samples;
@@ -225,6 +228,13 @@ fn default_folds(study: &Study) -> usize {
 
 fn folds_of(options: &StudyOptions, study: &Study) -> usize {
     options.folds.unwrap_or_else(|| default_folds(study))
+}
+
+/// The transport and the energy distance that take part. The embedded study is there to be quick: a coarser grid.
+fn graphs(study: &Study) -> Result<Vec<Arc<dyn Metric>>> {
+    let registry = Registry::standard()?;
+    let names = if study.synthetic { ["ot[grid=12x12x48]", "energy[grid=12x12x48]"] } else { ["ot", "energy"] };
+    Ok(names.into_iter().map(|name| registry.get(name)).collect::<Result<_, _>>()?)
 }
 
 /// Measured materials without ratings that the data folder holds.

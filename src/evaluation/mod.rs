@@ -14,6 +14,7 @@ pub mod protocol;
 pub mod records;
 #[cfg(feature = "train")]
 pub mod study_benchmark;
+pub mod sweep;
 
 use crate::dataset::split::SplitError;
 use crate::math::correlation::CorrelationError;
@@ -44,6 +45,14 @@ pub enum EvaluationError {
     TooFew { what: &'static str, found: usize, least: usize },
     #[error("no column is called {name} among the {columns} of the samples")]
     UnknownColumn { name: String, columns: usize },
+    #[error(transparent)]
+    Samples(#[from] crate::dataset::samples::SamplesError),
+    #[error(transparent)]
+    Open(#[from] crate::brdf::BrdfError),
+    #[error("{reference} against {candidate}: {source}")]
+    Metric { reference: String, candidate: String, source: crate::metric::MetricError },
+    #[error("{notation}: {source}")]
+    Table { notation: String, source: crate::metric::MetricError },
     #[error("no metric is called {name}; judged are {judged}")]
     UnknownMetric { name: String, judged: String },
 }

@@ -56,6 +56,8 @@ pub enum MetricKind {
     Baseline,
     /// One fixed Lp distance.
     Lp,
+    /// One fixed transport or kernel distance between graphs.
+    Graph,
     /// The Lp distance that is best on the training side of each fold.
     NestedBestLp,
     /// Knows nothing of appearance: the mean of the method, and the like.

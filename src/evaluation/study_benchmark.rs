@@ -9,6 +9,7 @@ use crate::descriptor::Family;
 use crate::metric::learned::exported::Interval;
 use crate::metric::lp::LpVariant;
 use crate::train::embedding_folds::EmbeddedFolds;
+use crate::train::graph_distances::{ENERGY_FAMILY, TRANSPORT_FAMILY};
 use crate::train::kernel::KernelRidge;
 use crate::train::linear::ElasticNet;
 use crate::train::lp_baseline::{BestOf, Criterion};
@@ -24,6 +25,9 @@ const SET_ASIDE: [&str; 3] = ["BAGHER", "GPLVM", "manifold"];
 
 /// The Lp metrics that the paper singles out, shown first.
 const SHOWN_LP: [&str; 3] = ["D9.Cl", "D1.Cl.CR", "D4.Cl.CR"];
+
+/// Families of the distances between graphs.
+const GRAPH_FAMILIES: [&str; 2] = [TRANSPORT_FAMILY, ENERGY_FAMILY];
 
 /// What a benchmark found, and what an export of its metric needs.
 pub struct StudyBenchmark {
@@ -60,10 +64,11 @@ pub fn run(
 ) -> Result<StudyBenchmark, EvaluationError> {
     let compact = samples.select_columns(recipe::uses);
     let lp = samples.select_columns(|c| c.family == LP_FAMILY);
+    let graphs = samples.select_columns(|c| GRAPH_FAMILIES.contains(&c.family.as_str()));
     let mut bench = Bench::new(protocol.clone(), samples)?;
     let parts = parts();
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
-    for contender in contenders(&parts, &best, &compact, &lp) {
+    for contender in contenders(&parts, &best, &compact, &lp, &graphs) {
         stage(&format!("cross-validation: {}", contender.name));
         bench.judge(&contender)?;
     }
@@ -80,6 +85,7 @@ pub fn run(
     let mut headline = vec![recipe::NAME.to_owned()];
     headline.extend(parts.iter().map(|(trainer, _, _)| trainer.name().to_owned()));
     headline.push(best.name().to_owned());
+    headline.extend(graphs.columns().iter().map(|column| column.name.clone()));
     headline.extend(SHOWN_LP.map(str::to_owned));
     headline.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|m| m.name().to_owned()));
     let others: Vec<&str> = headline[1..].iter().map(String::as_str).collect();
@@ -139,6 +145,7 @@ fn contenders<'a>(
     best: &'a BestOf,
     compact: &'a Samples,
     lp: &'a Samples,
+    graphs: &'a Samples,
 ) -> Vec<Contender<'a>> {
     let contender =
         |name: &str, kind, note: &str, source| Contender { name: name.to_owned(), kind, note: note.to_owned(), source };
@@ -161,6 +168,10 @@ fn contenders<'a>(
             "Lavoué et al. 2021, as computed by their program",
             Source::Distance(lp),
         )
+    }));
+    all.extend(graphs.columns().iter().map(|column| {
+        let note = "Lavoué et al. 2021, section 6.1, computed deterministically";
+        contender(&column.name, MetricKind::Graph, note, Source::Distance(graphs))
     }));
     all.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|means| {
         contender(means.name(), MetricKind::Trivial, "knows who fitted it, nothing of appearance", Source::Means(means))
@@ -187,7 +198,9 @@ fn ablation_cases(
     for alone in [Family::Lights, Family::Angular].map(Family::name) {
         case(format!("{alone} and context only"), &|c| c.family == alone || c.family == Family::Context.name())?;
     }
-    for added in [Family::AngularFull.name(), Family::Wasserstein.name(), LP_FAMILY] {
+    let present = |family: &&str| samples.columns().iter().any(|c| c.family == **family);
+    let distances = GRAPH_FAMILIES.into_iter().filter(present);
+    for added in [Family::AngularFull.name(), Family::Wasserstein.name(), LP_FAMILY].into_iter().chain(distances) {
         case(format!("with {added}"), &|c| recipe::uses(c) || c.family == added)?;
     }
     case(format!("{LP_FAMILY} only"), &|c| c.family == LP_FAMILY)?;

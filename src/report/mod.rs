@@ -7,6 +7,7 @@ mod marks;
 pub mod output;
 pub mod page;
 pub mod spreadsheet;
+pub mod sweep;
 pub mod tables;
 
 use crate::evaluation::records::BenchmarkRecord;

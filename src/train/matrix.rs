@@ -3,16 +3,18 @@
 //! Descriptors come from [`crate::descriptor::Extractor`], the Lp distances from one pass over each pair of tables; both
 //! are cached by the content of the BRDFs. Memory: two tables of 38 MB a worker thread, 400 kB a BRDF.
 
+use super::graph_distances::{self, GraphDistances};
 use crate::brdf::{BrdfError, BrdfSource, Grid, OpenBrdf, TableError, TabulatedBrdf};
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::descriptor::{Cache, CacheWarning, DescriptorError, DescriptorSet, Extractor, Progress, Setup};
-use crate::metric::MetricError;
 use crate::metric::lp::{LpDistances, LpVariant};
+use crate::metric::{Metric, MetricError};
 use ndarray::{Array2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use thiserror::Error;
 
@@ -32,9 +34,11 @@ pub enum MatrixError {
     Table { notation: String, source: TableError },
     #[error("{reference} against {candidate}: {source}")]
     Lp { reference: String, candidate: String, source: MetricError },
+    #[error("{reference} against {candidate}: {source}")]
+    Graph { reference: String, candidate: String, source: MetricError },
     #[error(transparent)]
     Samples(#[from] SamplesError),
-    #[error("the Lp distances of {found} pairs were computed, expected {expected}")]
+    #[error("the distances of {found} pairs were computed, expected {expected}")]
     Incomplete { found: usize, expected: usize },
 }
 
@@ -42,6 +46,8 @@ pub enum MatrixError {
 pub struct MatrixBuilder<'a> {
     pub set: &'a DescriptorSet,
     pub setup: &'a Setup,
+    /// Metrics on graphs whose distances become columns as well; they are symmetric.
+    pub graphs: &'a [Arc<dyn Metric>],
     /// Folder that relative sources are looked up in.
     pub base: Option<&'a Path>,
     pub cache: Option<&'a Cache>,
@@ -55,7 +61,7 @@ type LpRow = (usize, Vec<f64>, Option<CacheWarning>);
 /// A study as numbers.
 #[derive(Debug, Clone)]
 pub struct StudyMatrix {
-    /// The columns of the descriptor set, then one a Lp variant of the study.
+    /// The columns of the descriptor set, then one a Lp variant of the study, then one a metric on graphs.
     pub samples: Samples,
     /// What could not be kept for the next run.
     pub warnings: Vec<CacheWarning>,
@@ -80,14 +86,20 @@ impl MatrixBuilder<'_> {
             family: LP_FAMILY.to_owned(),
             role: Role::Difference,
         }));
-        // An Lp distance is the same either way.
-        let beside_lp = |values: &Array2<f64>| {
-            concatenate(Axis(1), &[values.view(), lp.view()])
+        let progress = |p: Progress| (self.progress)("transport and energy", p);
+        let distances =
+            GraphDistances { metrics: self.graphs, base: self.base, cache: self.cache, progress: &progress };
+        let (graphs, graph_warnings) = distances.compute(&pairs)?;
+        warnings.extend(graph_warnings);
+        columns.extend(graph_distances::columns(self.graphs));
+        // These distances are the same either way.
+        let beside_distances = |values: &Array2<f64>| {
+            concatenate(Axis(1), &[values.view(), lp.view(), graphs.view()])
                 .map_err(|_| MatrixError::Incomplete { found: lp.nrows(), expected: pairs.len() })
         };
         let rows = study.pairs.iter().map(|p| p.row()).collect();
-        let samples = Samples::new(columns, rows, beside_lp(&extraction.values)?)?;
-        Ok(StudyMatrix { samples: samples.with_swapped(beside_lp(&extraction.swapped)?)?, warnings })
+        let samples = Samples::new(columns, rows, beside_distances(&extraction.values)?)?;
+        Ok(StudyMatrix { samples: samples.with_swapped(beside_distances(&extraction.swapped)?)?, warnings })
     }
 
     /// Pairs x the 36 variants. Pairs of one reference are done together, so that its table is made once.

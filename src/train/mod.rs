@@ -11,6 +11,7 @@ pub mod embedding;
 #[cfg(feature = "train")]
 pub mod embedding_folds;
 pub mod ensemble;
+pub mod graph_distances;
 pub mod kernel;
 #[cfg(feature = "train")]
 pub mod linear;

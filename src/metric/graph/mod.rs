@@ -13,12 +13,14 @@
 //! out, stands in the authors' program.
 
 mod grid;
+mod metric;
 mod notation;
 mod spline;
 mod table;
 mod tone;
 
 pub use grid::GraphGrid;
+pub use metric::{GraphMetric, PreparedGraph, combine};
 pub use notation::Options;
-pub use table::{CommonCells, CosineTable};
+pub use table::{CommonCells, CompactTable, CosineTable};
 pub use tone::Tone;

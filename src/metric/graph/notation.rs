@@ -1,5 +1,6 @@
 //! Members of a family of metrics by their options: `energy[phi=log:eta=.01,alpha=.05]`.
 
+use super::{GraphGrid, Tone};
 use crate::metric::MetricError;
 
 /// The options of a name, taken one by one; what is left at the end was a mistake.
@@ -58,6 +59,26 @@ impl<'a> Options<'a> {
                 allowed: allowed.to_owned(),
             }),
         }
+    }
+
+    /// phi and eta: `phi=t^1/4`, `phi=log:eta=.01`, or `phi=log,eta=.01`.
+    pub fn tone(&mut self) -> Result<Option<Tone>, MetricError> {
+        let eta = self.number("eta", |eta| eta > 0.0 && eta.is_finite(), "a number above 0")?;
+        match (self.take("phi"), eta) {
+            (Some(phi), eta) => Tone::parse(phi, eta).map(Some),
+            (None, Some(eta)) => Tone::log(eta).map(Some),
+            (None, None) => Ok(None),
+        }
+    }
+
+    /// The power of the sum of the channels.
+    pub fn gamma(&mut self) -> Result<Option<f64>, MetricError> {
+        self.number("gamma", |gamma| gamma > 0.0 && gamma <= 4.0, "above 0, to 4 (the study's are .25, .35, .5)")
+    }
+
+    /// The cells that are compared.
+    pub fn grid(&mut self) -> Result<Option<GraphGrid>, MetricError> {
+        self.take("grid").map(str::parse).transpose()
     }
 
     /// Refuses options that nobody took; `known` are the family's, for the message.

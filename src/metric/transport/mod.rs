@@ -32,10 +32,12 @@ mod elementary;
 mod gaussian;
 mod gradient;
 mod measure;
+mod metric;
 mod parameters;
 mod quantised;
 mod value_axis;
 
+pub use metric::TransportMetric;
 pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 
 use crate::metric::graph::GraphGrid;

@@ -1,0 +1,70 @@
+//! The report of a sweep: Markdown for people, CSV for machines.
+
+use super::ReportError;
+use super::tables::Table;
+use crate::evaluation::sweep::{Judged, SweepRecord, SweepRow};
+
+/// Rows of the Markdown table; the CSV has all.
+const SHOWN: usize = 40;
+
+fn words(judged: Judged) -> String {
+    format!("{:.3} [{:.3}, {:.3}]", judged.value, judged.interval.low, judged.interval.high)
+}
+
+fn table(title: String, rows: &[SweepRow]) -> Table {
+    Table {
+        title,
+        columns: ["metric", "PLCC, logistic", "SROCC", "PLCC, raw"].map(str::to_owned).into(),
+        rows: rows.iter().map(|r| vec![r.name.clone(), words(r.plcc), words(r.srocc), words(r.plcc_raw)]).collect(),
+    }
+}
+
+/// The nested choice: what the sweep found that a reader may expect of other materials.
+pub fn nested(record: &SweepRecord) -> Table {
+    let SweepRecord { study, rows, folds, .. } = record;
+    table(format!("{study}, {rows} pairs, out of fold ({folds} folds by material), 95 % intervals"), &record.nested)
+}
+
+/// The best in sample.
+pub fn best(record: &SweepRecord, shown: usize) -> Table {
+    let all = record.in_sample.len();
+    let shown = shown.min(all);
+    let title = format!(
+        "{}, grid {}, the {shown} best of {all} in sample: chosen and mapped on the rows that are judged, as in the paper",
+        record.study, record.grid
+    );
+    table(title, &record.in_sample[..shown])
+}
+
+pub fn markdown(record: &SweepRecord, command: &str) -> String {
+    let mut text = format!(
+        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{} resamples of materials, seed {}.\n\n",
+        record.resamples, record.seed
+    );
+    text += &nested(record).to_markdown();
+    text += "\n";
+    text += &best(record, SHOWN).to_markdown();
+    if !record.refused.is_empty() {
+        text += &format!("\n{} combinations were refused:\n\n", record.refused.len());
+        text.extend(record.refused.iter().map(|(name, reason)| format!("* `{name}`: {reason}\n")));
+    }
+    text
+}
+
+/// One line a combination and gamma, the nested choices first.
+pub fn csv(record: &SweepRecord) -> Result<Vec<u8>, ReportError> {
+    let failed = |reason: String| ReportError::Format { what: "sweep.csv", reason };
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let figures = ["plcc", "srocc", "plcc_raw"].map(|f| [f.to_owned(), format!("{f}_low"), format!("{f}_high")]);
+    let header = ["split".to_owned(), "metric".to_owned()].into_iter().chain(figures.into_iter().flatten());
+    writer.write_record(header).map_err(|e| failed(e.to_string()))?;
+    let nested = record.nested.iter().map(|row| ("out of fold", row));
+    for (split, row) in nested.chain(record.in_sample.iter().map(|row| ("in sample", row))) {
+        let numbers = [row.plcc, row.srocc, row.plcc_raw]
+            .into_iter()
+            .flat_map(|j| [j.value, j.interval.low, j.interval.high].map(|x| x.to_string()));
+        let line = [split.to_owned(), row.name.clone()].into_iter().chain(numbers);
+        writer.write_record(line).map_err(|e| failed(e.to_string()))?;
+    }
+    writer.into_inner().map_err(|e| failed(e.to_string()))
+}

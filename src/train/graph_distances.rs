@@ -1,0 +1,134 @@
+//! Distances between the graphs of a study's pairs, as columns beside the descriptors.
+//!
+//! Each BRDF of a pair becomes one table a grid, which all metrics share; values are cached by the content of the BRDFs, the
+//! metric's name, which holds all of its parameters, and its grid. Memory: two tables of 9 MB a worker thread and grid,
+//! and what the metrics take.
+
+use super::matrix::MatrixError;
+use crate::brdf::{BrdfSource, OpenBrdf};
+use crate::dataset::samples::{Column, Role};
+use crate::descriptor::{Cache, CacheWarning, Progress};
+use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, combine};
+use crate::metric::{Metric, MetricError};
+use ndarray::Array2;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Family of the columns with transport distances.
+pub const TRANSPORT_FAMILY: &str = "transport";
+/// Family of the columns with energy distances and other kernel distances.
+pub const ENERGY_FAMILY: &str = "energy";
+
+/// Part of the cache key: raise it when a distance changes.
+const VERSION: u32 = 1;
+
+/// One column a metric, with the metric's own name.
+pub fn columns(metrics: &[Arc<dyn Metric>]) -> Vec<Column> {
+    let family = |name: &str| if name.starts_with("ot") { TRANSPORT_FAMILY } else { ENERGY_FAMILY };
+    let column = |name: &str| Column { name: name.to_owned(), family: family(name).to_owned(), role: Role::Difference };
+    metrics.iter().map(|m| column(m.name())).collect()
+}
+
+/// Where distances are computed from, and what is told meanwhile.
+pub(super) struct GraphDistances<'a> {
+    pub metrics: &'a [Arc<dyn Metric>],
+    pub base: Option<&'a Path>,
+    pub cache: Option<&'a Cache>,
+    pub progress: &'a (dyn Fn(Progress) + Sync),
+}
+
+/// The tables of one BRDF, made when they are needed.
+struct Tables<'a> {
+    open: &'a OpenBrdf,
+    side: &'static str,
+    made: BTreeMap<GraphGrid, CosineTable>,
+}
+
+impl<'a> Tables<'a> {
+    fn new(open: &'a OpenBrdf, side: &'static str) -> Self {
+        Self { open, side, made: BTreeMap::new() }
+    }
+
+    fn make(&mut self, grid: GraphGrid) -> Result<(), MetricError> {
+        if !self.made.contains_key(&grid) {
+            self.made.insert(grid, CosineTable::of(self.open.brdf.as_ref(), grid, self.side)?);
+        }
+        Ok(())
+    }
+}
+
+/// Place of a pair in its study, its distances, and what of them could not be kept.
+type Row = (usize, Vec<f64>, Vec<CacheWarning>);
+
+impl GraphDistances<'_> {
+    /// Pairs x metrics. Pairs of one reference are done together, so that its tables are made once.
+    pub fn compute(&self, pairs: &[(BrdfSource, BrdfSource)]) -> Result<(Array2<f64>, Vec<CacheWarning>), MatrixError> {
+        let mut by_reference: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        pairs.iter().enumerate().for_each(|(i, (r, _))| by_reference.entry(r.identity()).or_default().push(i));
+        let (done, total) = (AtomicUsize::new(0), pairs.len());
+        let of_group = |indices: &Vec<usize>| -> Result<Vec<Row>, MatrixError> {
+            let Some(&first) = indices.first() else { return Ok(Vec::new()) };
+            let reference = pairs[first].0.open(self.base)?;
+            let mut tables = Tables::new(&reference, "reference");
+            let mut rows = Vec::with_capacity(indices.len());
+            for &i in indices {
+                let candidate = pairs[i].1.open(self.base)?;
+                let (values, warnings) = self.of_pair(&mut tables, &candidate)?;
+                rows.push((i, values, warnings));
+                (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            }
+            Ok(rows)
+        };
+        let groups: Vec<&Vec<usize>> = by_reference.values().collect();
+        let found = groups.into_par_iter().map(of_group).collect::<Result<Vec<_>, _>>()?;
+        let mut values = Array2::zeros((pairs.len(), self.metrics.len()));
+        let mut warnings = Vec::new();
+        for (i, row, more) in found.into_iter().flatten() {
+            values.row_mut(i).iter_mut().zip(row).for_each(|(to, from)| *to = from);
+            warnings.extend(more);
+        }
+        Ok((values, warnings))
+    }
+
+    fn of_pair(
+        &self,
+        reference: &mut Tables<'_>,
+        candidate: &OpenBrdf,
+    ) -> Result<(Vec<f64>, Vec<CacheWarning>), MatrixError> {
+        let names = (reference.open.notation.clone(), candidate.notation.clone());
+        let failed = |source| MatrixError::Graph { reference: names.0.clone(), candidate: names.1.clone(), source };
+        let mut candidate = Tables::new(candidate, "candidate");
+        let (mut values, mut warnings) = (Vec::with_capacity(self.metrics.len()), Vec::new());
+        for graph in self.metrics.iter().filter_map(|m| m.as_graph()) {
+            let contents = (reference.open.content, candidate.open.content);
+            let key = format!("graph {VERSION} {} {} {} {}", graph.name(), graph.grid(), contents.0, contents.1);
+            let kept = self.cache.and_then(|c| c.load_values(&key)).and_then(|v| v.first().copied());
+            let value = match kept {
+                Some(value) => value,
+                None => {
+                    let value = distance(graph, reference, &mut candidate).map_err(failed)?;
+                    warnings.extend(self.cache.and_then(|c| c.store_values(&key, &[value]).err()));
+                    value
+                }
+            };
+            values.push(value);
+        }
+        Ok((values, warnings))
+    }
+}
+
+fn distance(
+    graph: &dyn GraphMetric,
+    reference: &mut Tables<'_>,
+    candidate: &mut Tables<'_>,
+) -> Result<f64, MetricError> {
+    let grid = graph.grid();
+    reference.make(grid)?;
+    candidate.make(grid)?;
+    let missing = || MetricError::NoTable { grid };
+    let (a, b) = (reference.made.get(&grid).ok_or_else(missing)?, candidate.made.get(&grid).ok_or_else(missing)?);
+    combine(graph.name(), graph.channels(a, b)?, graph.gamma())
+}

@@ -15,6 +15,12 @@ pub enum DatasetError {
     MissingFile { study: String, path: PathBuf, from: String },
     #[error("{}: {reason}", path.display())]
     Unreadable { path: PathBuf, reason: String },
+    #[error("{place}: found {found}; allowed: {allowed}")]
+    Content { place: String, found: String, allowed: String },
+    #[error("{address}: {reason}")]
+    Fetch { address: String, reason: String },
+    #[error("{}: cannot be written: {cause}", path.display())]
+    Write { path: PathBuf, cause: std::io::Error },
     #[error("{}: line {line}: {field} is {found}; allowed: {allowed}", path.display())]
     Field { path: PathBuf, line: u64, field: String, found: String, allowed: String },
     #[error("{}: line {line}: {column}: {cause}", path.display())]

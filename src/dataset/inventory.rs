@@ -1,24 +1,11 @@
 //! What of every known study is in a data folder, and where to get the rest.
 
 use super::manifest::{Collection, Manifest, NAMES, PinnedFile};
+use super::verify::Checked;
+pub use super::verify::FileState;
 use super::{Completeness, Study, synthetic};
-use crate::brdf::ContentHash;
 use serde::Serialize;
 use std::path::Path;
-
-/// State of a pinned file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FileState {
-    Missing,
-    /// Size and SHA-256 are what the manifest pins.
-    AsPublished,
-    /// Not the published content, but a part of it is of use: the number of pairs says how much it is.
-    Extract,
-    /// Not the published content: results will not be comparable with other people's.
-    Different,
-    Unreadable(String),
-}
 
 /// A pinned file of a study.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -107,22 +94,9 @@ fn published_status(name: &str, data: Option<&Path>) -> StudyStatus {
 }
 
 fn file_status(pinned: &PinnedFile, data: Option<&Path>) -> FileStatus {
-    let (state, found_sha256) = match data.map(|d| std::fs::read(d.join(&pinned.path))) {
-        None => (FileState::Missing, None),
-        Some(Err(e)) if e.kind() == std::io::ErrorKind::NotFound => (FileState::Missing, None),
-        Some(Err(e)) => (FileState::Unreadable(e.to_string()), None),
-        Some(Ok(bytes)) => {
-            let sha256 = ContentHash::of(&bytes).to_string();
-            let state = if sha256 == pinned.sha256 {
-                FileState::AsPublished
-            } else if pinned.extract_allowed {
-                FileState::Extract
-            } else {
-                FileState::Different
-            };
-            (state, Some(sha256))
-        }
-    };
+    let checked = data.map(|d| Checked::of(pinned, d, &mut |_| ()));
+    let found_sha256 = checked.as_ref().and_then(|c| c.found).map(|f| f.sha256.to_string());
+    let state = checked.map_or(FileState::Missing, |c| c.state);
     FileStatus {
         path: pinned.path.clone(),
         role: pinned.role.clone(),

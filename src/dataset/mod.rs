@@ -4,6 +4,7 @@
 
 pub mod csv_study;
 mod error;
+pub mod fetch;
 pub mod inventory;
 pub mod manifest;
 pub mod opinions;
@@ -14,6 +15,7 @@ pub mod raw_ratings;
 pub mod samples;
 pub mod split;
 pub mod synthetic;
+pub mod verify;
 
 pub use error::DatasetError;
 pub use inventory::{StudyStatus, inventory};
@@ -119,7 +121,15 @@ impl Study {
         if path.is_file() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
             return csv_study::load(path);
         }
-        Err(unknown(name_or_path))
+        Err(Self::unknown(name_or_path))
+    }
+
+    /// That there is no study `name`, with the nearest one there is.
+    pub fn unknown(name: &str) -> DatasetError {
+        let known = Self::known();
+        let distance = |k: &&&str| (strsim::jaro_winkler(name, k) * -1e6) as i64;
+        let nearest = known.iter().min_by_key(distance).copied().unwrap_or_default();
+        DatasetError::UnknownStudy { name: name.into(), known: known.join(", "), nearest: nearest.into() }
     }
 
     /// Names of the studies that need no file of the user's own.
@@ -165,13 +175,6 @@ impl Study {
         }
         Ok(())
     }
-}
-
-fn unknown(name: &str) -> DatasetError {
-    let known = Study::known();
-    let distance = |k: &&&str| (strsim::jaro_winkler(name, k) * -1e6) as i64;
-    let nearest = known.iter().min_by_key(distance).copied().unwrap_or_default();
-    DatasetError::UnknownStudy { name: name.into(), known: known.join(", "), nearest: nearest.into() }
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 mod brdf;
 mod cli;
+mod data;
 mod dataset;
 mod descriptor;
 mod evaluation;

@@ -1,5 +1,7 @@
 //! `vernis data`: studies and the files they need.
 
+mod files;
+
 use super::{Shared, print};
 use crate::dataset::inventory::{FileState, StudyStatus, inventory};
 use anyhow::Result;
@@ -21,10 +23,21 @@ enum DataCommand {
         #[arg(long)]
         json: bool,
     },
+    /// Get the pinned files of a study into the data folder; each is compared with its SHA-256 before it is used.
+    Fetch(files::FetchArgs),
+    /// Compare the files of studies in the data folder with their pinned sizes and SHA-256.
+    Verify(files::VerifyArgs),
 }
 
 pub fn run(shared: &Shared, args: DataArgs) -> Result<()> {
-    let DataCommand::List { json } = args.command;
+    match args.command {
+        DataCommand::List { json } => list(shared, json),
+        DataCommand::Fetch(args) => files::fetch(shared, args),
+        DataCommand::Verify(args) => files::verify(shared, args),
+    }
+}
+
+fn list(shared: &Shared, json: bool) -> Result<()> {
     let studies = inventory(shared.data.as_deref());
     if json {
         return print(serde_json::to_string_pretty(&studies)? + "\n");

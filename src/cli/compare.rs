@@ -20,6 +20,8 @@ Examples:
   vernis compare alum-bronze.binary ward.json
   vernis compare merl_nbrdf.zip:teflon 'low_lowmicrofacet_E2.fit:teflon?eta=2.5' --metric vernis --metric D9.Cl
   vernis compare a.binary b.binary --metric all-lp --json
+  vernis compare a.binary b.binary --metric ot --metric 'energy[phi=log:eta=.01,alpha=.05]' --per-channel
+  vernis compare a.json b.json --metric ot --grid 9x9x36 --per-channel --json
   vernis compare a.binary b.binary --metric out/synthetic.vernis.json")]
 pub struct CompareArgs {
     /// The reference.
@@ -29,6 +31,9 @@ pub struct CompareArgs {
     /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
     #[arg(long = "metric", short, value_name = "NAME|FILE")]
     metrics: Vec<String>,
+    /// Cells of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
+    #[arg(long, value_name = "GRID")]
+    grid: Option<String>,
     /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
     #[arg(long)]
     json: bool,
@@ -38,7 +43,7 @@ pub struct CompareArgs {
 }
 
 pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
-    let metrics = workspace::metrics(&args.metrics)?;
+    let metrics = workspace::metrics_on(&args.metrics, args.grid.as_deref())?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
     let candidate = workspace::open(&args.candidate, shared.data.as_deref())?;
     if metrics.iter().any(|m| m.as_learned().is_some()) {

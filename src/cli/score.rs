@@ -27,6 +27,9 @@ pub struct ScoreArgs {
     /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
     #[arg(long = "metric", short, value_name = "NAME|FILE")]
     metrics: Vec<String>,
+    /// Cells of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
+    #[arg(long, value_name = "GRID")]
+    grid: Option<String>,
     /// CSV file to write.
     #[arg(long, value_name = "CSV")]
     out: PathBuf,
@@ -77,7 +80,7 @@ impl Pairs {
 }
 
 pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
-    let metrics = workspace::metrics(&args.metrics)?;
+    let metrics = workspace::metrics_on(&args.metrics, args.grid.as_deref())?;
     let pairs = Pairs::read(&args.pairs)?;
     let name = args.out.file_name().and_then(|n| n.to_str());
     let name = name.filter(|_| !args.out.is_dir());

@@ -46,6 +46,21 @@ pub fn metrics(names: &[String]) -> Result<Vec<Arc<dyn Metric>>> {
     Ok(found)
 }
 
+/// The metrics called `names` as [`metrics`], those on graphs on `grid` where one is given and their name names none.
+pub fn metrics_on(names: &[String], grid: Option<&str>) -> Result<Vec<Arc<dyn Metric>>> {
+    let metrics = metrics(names)?;
+    let Some(grid) = grid else { return Ok(metrics) };
+    let grid = grid.parse().map_err(|e| user_error(format!("--grid: {e}")))?;
+    if metrics.iter().all(|m| m.as_graph().is_none()) {
+        let names = metrics.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ");
+        return Err(user_error(format!(
+            "--grid: found no metric with a grid among {names}; allowed with ot, energy, mmd-*"
+        )));
+    }
+    let on_grid = |m: &Arc<dyn Metric>| m.as_graph().map_or_else(|| m.clone(), |g| g.with_default_grid(grid));
+    Ok(metrics.iter().map(on_grid).collect())
+}
+
 /// The folder for what was computed before.
 pub fn cache_folder(shared: &Shared) -> PathBuf {
     let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);

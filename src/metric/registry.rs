@@ -3,10 +3,14 @@
 //! A new metric becomes known everywhere (command line, benchmark, contract tests) by one [`Registry::add`] in
 //! [`Registry::standard`].
 
+use super::graph::{CosineTable, GraphGrid, combine};
+use super::kernel::KernelMetric;
 use super::learned::{LearnedMetric, Score};
 use super::lp::{LpDistances, LpMetric, LpVariant};
+use super::transport::TransportMetric;
 use super::{Metric, MetricError};
 use crate::brdf::Brdf;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Metrics with unique names, in the order in which they were added.
@@ -38,6 +42,10 @@ impl Registry {
         for variant in LpVariant::every() {
             registry.add(Arc::new(LpMetric::new(variant)))?;
         }
+        registry.add(Arc::new(TransportMetric::preset()?))?;
+        for metric in KernelMetric::presets() {
+            registry.add(Arc::new(metric))?;
+        }
         Ok(registry)
     }
 
@@ -63,13 +71,24 @@ impl Registry {
         GROUPS.iter().map(|group| group.name).chain(self.metrics.iter().map(|metric| metric.name()))
     }
 
-    /// The metric called `name`.
+    /// The metric called `name`, or the member of a family that `family[key=value,...]` describes
+    /// ([`GraphMetric::member`](super::graph::GraphMetric::member)).
     ///
     /// # Errors
-    /// [`MetricError::Unknown`] with the nearest names.
+    /// [`MetricError::Unknown`] with the nearest names; [`MetricError::Parameter`] for wrong options.
     pub fn get(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
-        let found = self.metrics.iter().find(|metric| metric.name() == name);
-        found.cloned().ok_or_else(|| self.unknown(name))
+        if let Some(found) = self.metrics.iter().find(|metric| metric.name() == name) {
+            return Ok(found.clone());
+        }
+        let Some((family, _)) = name.split_once('[') else { return Err(self.unknown(name)) };
+        match self.get(family)?.as_graph() {
+            Some(graph) => graph.member(name),
+            None => Err(MetricError::Parameter {
+                what: name.to_owned(),
+                found: "options".to_owned(),
+                allowed: format!("none, {family} is one metric"),
+            }),
+        }
     }
 
     /// The metric called `name`, or all of a group: `all-lp` stands for the 36 of the study.
@@ -108,7 +127,8 @@ pub struct Distance {
     pub score: Option<Score>,
 }
 
-/// The values of many metrics for one pair, in the order of `metrics`. All Lp variants share a single pass.
+/// The values of many metrics for one pair, in the order of `metrics`. All Lp variants share a single pass, all metrics on
+/// graphs the tables of each grid.
 pub fn distances(
     metrics: &[Arc<dyn Metric>],
     reference: &dyn Brdf,
@@ -119,10 +139,17 @@ pub fn distances(
         true => None,
         false => Some(LpDistances::of_variants(reference, candidate, &variants)?),
     };
+    let graphs = GraphTables::of(metrics, reference, candidate)?;
     let distance = |metric: &Arc<dyn Metric>| {
         let name = metric.name().to_owned();
         if let (Some(lp), Some(variant)) = (&lp, metric.as_lp()) {
             return Ok(Distance { metric: name, value: lp.get(variant), channels: lp.channels(variant), score: None });
+        }
+        if let Some(graph) = metric.as_graph() {
+            let (reference, candidate) = graphs.on(graph.grid())?;
+            let channels = graph.channels(reference, candidate)?;
+            let value = combine(&name, channels, graph.gamma())?;
+            return Ok(Distance { metric: name, value, channels: Some(channels), score: None });
         }
         let score = metric.as_learned().map(|learned| learned.compare(reference, candidate)).transpose()?;
         let value = match score {
@@ -132,4 +159,21 @@ pub fn distances(
         Ok(Distance { metric: name, value, channels: None, score })
     };
     metrics.iter().map(distance).collect()
+}
+
+/// The tables of a pair on every grid that the metrics ask for.
+struct GraphTables(Vec<(GraphGrid, CosineTable, CosineTable)>);
+
+impl GraphTables {
+    fn of(metrics: &[Arc<dyn Metric>], reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Self, MetricError> {
+        let grids: BTreeSet<GraphGrid> = metrics.iter().filter_map(|m| m.as_graph()).map(|g| g.grid()).collect();
+        let table = |brdf, grid, side| CosineTable::of(brdf, grid, side);
+        let both = |grid| Ok((grid, table(reference, grid, "reference")?, table(candidate, grid, "candidate")?));
+        grids.into_iter().map(both).collect::<Result<_, _>>().map(Self)
+    }
+
+    fn on(&self, grid: GraphGrid) -> Result<(&CosineTable, &CosineTable), MetricError> {
+        let found = self.0.iter().find(|(on, _, _)| *on == grid);
+        found.map(|(_, reference, candidate)| (reference, candidate)).ok_or(MetricError::NoTable { grid })
+    }
 }

@@ -14,3 +14,5 @@ mod rooms;
 mod shipped;
 #[cfg(feature = "train")]
 mod train;
+mod transport;
+mod transport_pairs;

@@ -1,0 +1,339 @@
+//! The values of a graph before alpha and phi: f cos theta_i at every cell.
+
+use super::GraphGrid;
+use super::spline::{resample, resample_mask};
+use crate::brdf::{Anchor, Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
+use crate::metric::MetricError;
+use rayon::prelude::*;
+use std::f64::consts::FRAC_PI_2;
+
+/// f cos theta_i (1/sr) of one BRDF at the cells of a grid, one plane a channel (R, G, B), and which cells are measured.
+///
+/// Anything that can be evaluated is evaluated at the centres of the cells. A table is brought to its standard grid (a table
+/// in half/difference coordinates to [`Grid::TITOPO`], as the study's program does), multiplied by the cosine of theta_i
+/// where its values belong, and resampled by cubic splines from cell centre to cell centre, in index space: where the
+/// table's values stand at lower cell edges, as in Titopo files, the result therefore belongs half a source cell below the
+/// centre. That is how the study's program reads them. It reads a missing value as black; here the cell stays masked, and
+/// splines bridge the gap with the nearest value. Splines overshoot: a value may be slightly negative, which phi cuts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CosineTable {
+    grid: GraphGrid,
+    values: [Vec<f64>; 3],
+    valid: Vec<bool>,
+    /// The grid of the table that this was resampled from, if its values do not stand at cell centres.
+    sampling: Option<Grid>,
+}
+
+/// The cells that are measured on both sides of a comparison.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CommonCells {
+    /// One entry a cell; `None` where all cells take part.
+    mask: Option<Vec<bool>>,
+    count: usize,
+}
+
+impl CommonCells {
+    /// How many they are, N: every point of a graph has the mass 1/N.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Whether the cell takes part.
+    pub fn contains(&self, cell: usize) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask[cell])
+    }
+
+    /// One entry a cell; `None` where all cells take part.
+    pub fn mask(&self) -> Option<&[bool]> {
+        self.mask.as_deref()
+    }
+}
+
+impl CosineTable {
+    /// `brdf` on `grid`; `side` (`"reference"` or `"candidate"`) is what errors name.
+    ///
+    /// # Errors
+    /// [`MetricError::Unusable`] for a value that is negative or not finite, [`MetricError::NoValidCell`] for a BRDF without
+    /// any measurement on the grid.
+    pub fn of(brdf: &dyn Brdf, grid: GraphGrid, side: &'static str) -> Result<Self, MetricError> {
+        let table = match brdf.as_table() {
+            Some(table) => Self::resampled(table, grid, side)?,
+            None => Self::evaluated(brdf, grid, side)?,
+        };
+        if table.valid.contains(&true) { Ok(table) } else { Err(MetricError::NoValidCell { side }) }
+    }
+
+    pub fn grid(&self) -> GraphGrid {
+        self.grid
+    }
+
+    /// f cos theta_i of `channel` (0 to 2), one value a cell, row-major in (theta_i, theta_o, phi_d). The values of masked
+    /// cells are unspecified but finite.
+    pub fn channel(&self, channel: usize) -> &[f64] {
+        &self.values[channel]
+    }
+
+    /// Which cells hold a measurement.
+    pub fn valid(&self) -> &[bool] {
+        &self.valid
+    }
+
+    /// The cells that both sides have.
+    ///
+    /// # Errors
+    /// [`MetricError::DifferentGrids`] for tables on different grids, or sampled from tables whose grids differ, which would
+    /// compare values that stand at different angles; [`MetricError::NoCommonCell`].
+    pub fn common_cells(&self, candidate: &Self, metric: &str) -> Result<CommonCells, MetricError> {
+        let different = |reference: String, candidate: String| {
+            Err(MetricError::DifferentGrids { metric: metric.to_owned(), reference, candidate })
+        };
+        if self.grid != candidate.grid {
+            return different(self.grid.to_string(), candidate.grid.to_string());
+        }
+        if let (Some(a), Some(b)) = (self.sampling, candidate.sampling)
+            && a != b
+        {
+            return different(table_shape(a), table_shape(b));
+        }
+        let both = || self.valid.iter().zip(&candidate.valid).map(|(a, b)| *a && *b);
+        let count = both().filter(|both| *both).count();
+        if count == 0 {
+            return Err(MetricError::NoCommonCell { metric: metric.to_owned() });
+        }
+        Ok(CommonCells { mask: (count < self.grid.len()).then(|| both().collect()), count })
+    }
+
+    fn evaluated(brdf: &dyn Brdf, grid: GraphGrid, side: &'static str) -> Result<Self, MetricError> {
+        let [rows, _, _] = grid.shape();
+        let directions = grid.cells().all_directions();
+        let row = |i| evaluate_row(brdf, grid, &directions, i, side);
+        let rows = (0..rows).into_par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
+        let mut table =
+            Self { grid, values: [(); 3].map(|()| Vec::with_capacity(grid.len())), valid: Vec::new(), sampling: None };
+        for (i, value) in rows.into_iter().enumerate().flat_map(|(i, row)| row.into_iter().map(move |v| (i, v))) {
+            let cosine = grid.angle(0, i).cos();
+            table.valid.push(value.is_some());
+            let value = value.unwrap_or_default();
+            table.values.iter_mut().zip(value).for_each(|(plane, v)| plane.push(v * cosine));
+        }
+        Ok(table)
+    }
+
+    fn resampled(table: &TabulatedBrdf, grid: GraphGrid, side: &'static str) -> Result<Self, MetricError> {
+        let unusable = |error: TableError| MetricError::Unusable { side, reason: error.to_string() };
+        let converted;
+        let table = match table.grid() {
+            Grid::Standard { .. } => table,
+            Grid::HalfDifference { .. } => {
+                converted = table.resampled(Grid::TITOPO).map_err(unusable)?;
+                &converted
+            }
+        };
+        let source = table.grid();
+        let (from, to) = (source.shape(), grid.shape());
+        let offset = match source {
+            Grid::Standard { anchor: Anchor::Edge, .. } => 0.0,
+            _ => 0.5,
+        };
+        let width = from[1] * from[2];
+        let cosine: Vec<f64> = (0..from[0]).map(|i| ((i as f64 + offset) / from[0] as f64 * FRAC_PI_2).cos()).collect();
+        let filler = (!table.valid().iter().all(|v| *v)).then(|| nearest_valid(table.valid(), from));
+        let plane = |channel: usize| {
+            let value = |cell: usize| {
+                let cell = filler.as_ref().map_or(cell, |filler| filler[cell] as usize);
+                f64::from(table.values()[cell][channel]) * cosine[cell / width]
+            };
+            resample((0..source.len()).map(value).collect(), from, to)
+        };
+        let planes: Vec<Vec<f64>> = (0..3).into_par_iter().map(plane).collect();
+        let mut planes = planes.into_iter();
+        let values = std::array::from_fn(|_| planes.next().unwrap_or_default());
+        let valid = match filler {
+            None => vec![true; grid.len()],
+            Some(_) => resample_mask(table.valid(), from, to),
+        };
+        Ok(Self { grid, values, valid, sampling: (offset == 0.0).then_some(source) })
+    }
+}
+
+fn table_shape(grid: Grid) -> String {
+    let [a, b, c] = grid.shape();
+    format!("a table of {a}x{b}x{c}")
+}
+
+/// The BRDF at the cells with theta_i index `i`; `None` where it has no measurement.
+fn evaluate_row(
+    brdf: &dyn Brdf,
+    grid: GraphGrid,
+    directions: &GridDirections,
+    i: usize,
+    side: &'static str,
+) -> Result<Vec<Option<[f64; 3]>>, MetricError> {
+    let [_, polar, azimuths] = grid.shape();
+    // Where the two halves of a circle are the same, cells k and azimuths - 1 - k are, and the first half is enough.
+    let needed = if brdf.is_mirror_symmetric() { azimuths.div_ceil(2) } else { azimuths };
+    let mut row = Vec::with_capacity(polar * azimuths);
+    for o in 0..polar {
+        let start = (i * polar + o) * azimuths;
+        let (wi, wo): (Vec<_>, Vec<_>) = (start..start + needed).map(|cell| directions.get(cell)).unzip();
+        let mut values = vec![None; needed];
+        brdf.eval_batch(&wi, &wo, &mut values);
+        let bad = |value: &Option<[f64; 3]>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
+        if let Some(k) = values.iter().position(bad) {
+            let degrees = |axis, k| grid.angle(axis, k).to_degrees();
+            return Err(MetricError::Unusable {
+                side,
+                reason: format!(
+                    "at theta_i {:.1}, theta_o {:.1}, phi_d {:.1} degrees the value is {:?}; it must be finite and not negative",
+                    degrees(0, i),
+                    degrees(1, o),
+                    degrees(2, k),
+                    values[k].unwrap_or_default()
+                ),
+            });
+        }
+        row.extend_from_slice(&values);
+        row.extend((needed..azimuths).map(|k| values[azimuths - 1 - k]));
+    }
+    Ok(row)
+}
+
+/// For every cell the nearest valid one: along phi_d, where its row has none along theta_o, then along theta_i.
+fn nearest_valid(valid: &[bool], shape: [usize; 3]) -> Vec<u32> {
+    const NONE: u32 = u32::MAX;
+    let mut source: Vec<u32> = (0..).zip(valid).map(|(cell, valid)| if *valid { cell } else { NONE }).collect();
+    for axis in [2, 1, 0] {
+        let stride: usize = shape[axis + 1..].iter().product();
+        let n = shape[axis];
+        let mut line = vec![NONE; n];
+        for start in (0..valid.len()).filter(|cell| cell / stride % n == 0) {
+            (0..n).for_each(|k| line[k] = source[start + k * stride]);
+            let known: Vec<usize> = (0..n).filter(|k| line[*k] != NONE).collect();
+            for k in (0..n).filter(|k| line[*k] == NONE) {
+                if let Some(nearest) = known.iter().min_by_key(|other| other.abs_diff(k)) {
+                    source[start + k * stride] = line[*nearest];
+                }
+            }
+        }
+    }
+    source
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brdf::models::{Ggx, Lambert};
+
+    fn grid(text: &str) -> GraphGrid {
+        text.parse().unwrap()
+    }
+
+    /// A smooth table with `hole` masked.
+    fn table(source: Grid, hole: Option<usize>) -> TabulatedBrdf {
+        let brdf = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.4).unwrap();
+        let full = TabulatedBrdf::tabulate(&brdf, source).unwrap();
+        let mut valid = full.valid().to_vec();
+        let mut values = full.values().to_vec();
+        if let Some(hole) = hole {
+            (valid[hole], values[hole]) = (false, [f32::NAN; 3]);
+        }
+        TabulatedBrdf::new(source, values, valid).unwrap()
+    }
+
+    #[test]
+    fn a_formula_is_evaluated_at_the_centres() {
+        let brdf = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.3).unwrap();
+        for grid in [grid("6x5x24"), grid("5x6x7")] {
+            let table = CosineTable::of(&brdf, grid, "reference").unwrap();
+            let directions = grid.cells().all_directions();
+            for cell in 0..grid.len() {
+                let (wi, wo) = directions.get(cell);
+                let expected = brdf.eval(wi, wo).unwrap();
+                for c in 0..3 {
+                    assert!((table.channel(c)[cell] / (expected[c] * wi.z) - 1.0).abs() < 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_table_on_the_same_grid_is_taken_as_it_is() {
+        let source = table(Grid::Standard { theta_i: 6, theta_o: 5, phi_d: 24, anchor: Anchor::Edge }, None);
+        let found = CosineTable::of(&source, grid("6x5x24"), "reference").unwrap();
+        for cell in 0..source.values().len() {
+            let cosine = (cell / (5 * 24)) as f64 * 15.0;
+            let expected = f64::from(source.values()[cell][1]) * cosine.to_radians().cos();
+            assert!((found.channel(1)[cell] - expected).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_fine_table_stands_half_a_source_cell_below_the_centres() {
+        let fine = table(Grid::TITOPO, None);
+        let found = CosineTable::of(&fine, GraphGrid::STUDY, "reference").unwrap();
+        let brdf = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.4).unwrap();
+        // theta_i index 10 of 45 reads 20.5 of the 90 rows, the values at 20.5 degrees; its centre is at 21.
+        for (i, o, k) in [(10usize, 12usize, 90usize), (4, 30, 20), (30, 5, 100)] {
+            let radians = |index: usize| (2.0 * index as f64 + 0.5).to_radians();
+            let (wi, wo) = crate::math::coordinates::standard_directions(radians(i), radians(o), radians(k));
+            let expected = brdf.eval(wi, wo).unwrap()[0] * wi.z;
+            let value = found.channel(0)[(i * 45 + o) * 180 + k];
+            assert!((value / expected - 1.0).abs() < 1e-5, "{value} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_hole_stays_a_hole_and_leaves_the_rest_alone() {
+        let source = Grid::Standard { theta_i: 12, theta_o: 12, phi_d: 48, anchor: Anchor::Edge };
+        let (whole, holed) = (table(source, None), table(source, Some((5 * 12 + 6) * 48 + 20)));
+        let of = |table: &TabulatedBrdf| CosineTable::of(table, grid("6x6x24"), "reference").unwrap();
+        let (whole, holed) = (of(&whole), of(&holed));
+        let cell = (2 * 6 + 3) * 24 + 10;
+        assert_eq!(holed.valid().iter().filter(|v| !**v).count(), 1);
+        assert!(!holed.valid()[cell]);
+        for (k, (a, b)) in whole.channel(0).iter().zip(holed.channel(0)).enumerate() {
+            assert!(b.is_finite() && (k == cell || (a / b - 1.0).abs() < 3e-3), "{k}: {a} {b}");
+        }
+        let common = whole.common_cells(&holed, "ot").unwrap();
+        assert_eq!((common.count(), common.contains(cell)), (6 * 6 * 24 - 1, false));
+        assert_eq!(whole.common_cells(&whole, "ot").unwrap().mask(), None);
+    }
+
+    #[test]
+    fn gaps_are_bridged_from_the_nearest_cell() {
+        let shape = [2, 3, 4];
+        let mut valid = vec![false; 24];
+        valid[4 + 1] = true;
+        let filler = nearest_valid(&valid, shape);
+        assert!(filler.iter().all(|f| *f == 5));
+        valid[4 + 3] = true;
+        valid[12 + 2] = true;
+        let filler = nearest_valid(&valid, shape);
+        assert_eq!(filler[4..8], [5, 5, 5, 7]);
+        assert_eq!((filler[3], filler[13]), (7, 14));
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused() {
+        let lambert = Lambert::new([0.5; 3]).unwrap();
+        let on = |g| CosineTable::of(&lambert, grid(g), "reference").unwrap();
+        let error = on("6x6x24").common_cells(&on("9x9x36"), "ot").unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "ot: different grids, the reference on 6x6x24, the candidate on 9x9x36; allowed: the same grid"
+        );
+        let half = table(Grid::TITOPO_HALF, None);
+        let full = table(Grid::TITOPO, None);
+        let of = |t: &TabulatedBrdf| CosineTable::of(t, GraphGrid::STUDY, "reference").unwrap();
+        let error = of(&half).common_cells(&of(&full), "ot").unwrap_err().to_string();
+        assert!(error.contains("a table of 45x45x180, the candidate on a table of 90x90x360"), "{error}");
+        assert!(of(&full).common_cells(&on("45x45x180"), "ot").is_ok());
+        // One measured cell, at an end that a coarse grid does not reach.
+        let source = Grid::Standard { theta_i: 12, theta_o: 12, phi_d: 48, anchor: Anchor::Edge };
+        let mut valid = vec![false; source.len()];
+        valid[0] = true;
+        let lone = TabulatedBrdf::new(source, vec![[1.0; 3]; source.len()], valid).unwrap();
+        let error = CosineTable::of(&lone, grid("4x4x16"), "candidate").unwrap_err();
+        assert_eq!(error, MetricError::NoValidCell { side: "candidate" });
+    }
+}

@@ -1,0 +1,112 @@
+//! Exponential and logarithm without branches or library calls, so that the compiler turns loops over them into
+//! vector code.
+//!
+//!   exp(x) = 2^k p(x - k ln 2),   k = round(x/ln 2),  p the Taylor polynomial of degree 13 (|x - k ln 2| <= 0.347)
+//!   ln(x)  = k ln 2 + 2 atanh((m - 1)/(m + 1)),   x = 2^k m,  sqrt(1/2) <= m < sqrt(2)
+//!
+//! `FUSED` says whether the code is compiled for a processor that multiplies and adds in one instruction: without one,
+//! `f64::mul_add` is a slow library call. Relative error of `exp` and absolute error of `ln`: a few 1e-16 (tested).
+
+/// The number of f64 that one step of the vector loops treats: one AVX-512 register, two of AVX2.
+pub(super) const LANES: usize = 8;
+
+/// [`LANES`] neighbouring value nodes.
+pub(super) type Lanes = [f64; LANES];
+
+/// Below this argument [`exp`] stays at exp(-700), about 1e-304, instead of falling to denormal numbers.
+const SMALLEST_ARGUMENT: f64 = -700.0;
+
+/// [`exp`] takes no larger argument.
+pub(super) const LARGEST_ARGUMENT: f64 = 700.0;
+
+/// a b + c.
+#[inline(always)]
+pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
+/// The larger of two numbers that are not NaN, in one instruction.
+#[inline(always)]
+pub(super) fn max(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// exp(x) for x <= 700; x below -700, infinite too, gives exp(-700).
+#[inline(always)]
+pub(super) fn exp<const FUSED: bool>(x: f64) -> f64 {
+    /// Added to a number below 2^51, it leaves the nearest integer in the lowest bits.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    const LN_2_HIGH: f64 = 0.693_147_180_369_123_8;
+    const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
+    const EXPONENT_BIAS: u64 = 1023;
+    let x = max(x, SMALLEST_ARGUMENT);
+    let rounded = fma::<FUSED>(x, std::f64::consts::LOG2_E, ROUND);
+    let k = rounded - ROUND;
+    let r = fma::<FUSED>(k, -LN_2_LOW, fma::<FUSED>(k, -LN_2_HIGH, x));
+    let mut p = TAYLOR[0];
+    for &coefficient in &TAYLOR[1..] {
+        p = fma::<FUSED>(p, r, coefficient);
+    }
+    p * f64::from_bits(rounded.to_bits().wrapping_add(EXPONENT_BIAS) << 52)
+}
+
+/// 1/13!, 1/12! ... 1/1!, 1/0!.
+const TAYLOR: [f64; 14] = {
+    let mut coefficients = [1.0; 14];
+    let (mut n, mut factorial) = (1, 1.0);
+    while n < 14 {
+        factorial *= n as f64;
+        coefficients[13 - n] = 1.0 / factorial;
+        n += 1;
+    }
+    coefficients
+};
+
+/// ln(x) for positive normal x.
+#[inline(always)]
+pub(super) fn ln<const FUSED: bool>(x: f64) -> f64 {
+    const SQRT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
+    const BIAS: u64 = 1023 << 52;
+    const TWO_POW_52: f64 = 4_503_599_627_370_496.0;
+    let bits = x.to_bits();
+    let biased = (bits.wrapping_add(BIAS) - SQRT_HALF) >> 52;
+    let m = f64::from_bits(bits.wrapping_add(BIAS).wrapping_sub(biased << 52));
+    // An integer below 2^52 in the mantissa of 2^52: the conversion that every vector unit has.
+    let k = f64::from_bits(TWO_POW_52.to_bits() | biased) - (TWO_POW_52 + 1023.0);
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let mut series = 1.0 / 21.0;
+    for odd in [19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
+        series = fma::<FUSED>(series, z, 1.0 / odd);
+    }
+    fma::<FUSED>(k, std::f64::consts::LN_2, 2.0 * fma::<FUSED>(s * z, series, s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponential_agrees_with_the_standard_library() {
+        for i in 0..200_000 {
+            let x = -699.9 + 7e-3 * f64::from(i);
+            let (fused, plain) = (exp::<true>(x), exp::<false>(x));
+            assert!((fused / x.exp() - 1.0).abs() < 1e-15, "{x}");
+            assert!((plain / x.exp() - 1.0).abs() < 1e-15, "{x}");
+        }
+        assert_eq!(exp::<true>(0.0), 1.0);
+        assert_eq!(exp::<true>(f64::NEG_INFINITY), exp::<true>(-700.0));
+    }
+
+    #[test]
+    fn logarithm_agrees_with_the_standard_library() {
+        for i in 0..200_000 {
+            let x = (-708.0 + 7e-3 * f64::from(i)).exp();
+            for ours in [ln::<true>(x), ln::<false>(x)] {
+                assert!((ours - x.ln()).abs() <= 4e-16 * x.ln().abs().max(1.0), "{x}");
+            }
+        }
+        assert_eq!(ln::<true>(1.0), 0.0);
+        assert!((ln::<true>(f64::MIN_POSITIVE) / f64::MIN_POSITIVE.ln() - 1.0).abs() < 1e-15);
+    }
+}

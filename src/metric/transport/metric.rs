@@ -1,0 +1,195 @@
+//! The transportation distance as a metric.
+
+use super::{Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence};
+use crate::brdf::Brdf;
+use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
+use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
+use std::sync::Arc;
+
+/// The debiased Sinkhorn divergence between the graphs of two BRDFs, as one number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TransportMetric {
+    name: String,
+    parameters: SinkhornParameters,
+    tone: Tone,
+    gamma: f64,
+    /// `None`: [`GraphGrid::STUDY`], until told otherwise.
+    grid: Option<GraphGrid>,
+}
+
+const FAMILY: &str = "ot";
+/// The study's best on average: p 2, alpha .1, blur (epsilon) .05, scaling (s) .8, phi t^(1/4), gamma .25.
+const BEST: (f64, f64, f64) = (0.1, 0.05, 0.8);
+const OPTIONS: [&str; 11] =
+    ["p", "alpha", "blur", "scaling", "gamma", "phi", "eta", "grid", "accuracy", "kappa", "nodes"];
+
+impl TransportMetric {
+    /// The metric `ot` of the registry.
+    ///
+    /// # Errors
+    /// None, for its parameters are within their ranges.
+    pub fn preset() -> Result<Self, MetricError> {
+        Self::named(FAMILY)
+    }
+
+    /// The member of the family that `name` describes, such as `ot[p=2,alpha=.1,blur=.05,scaling=.8,gamma=.25,phi=t^1/4]`;
+    /// what is not given is as in [`TransportMetric::preset`]. Accuracy is `fast`, `standard` or `high`, or `kappa` (value
+    /// nodes to a blur) and `nodes` (base nodes an axis) ([`Accuracy`]).
+    ///
+    /// # Errors
+    /// [`MetricError::Unknown`] for another family, [`MetricError::Parameter`] for an unknown option or a value out of range.
+    pub fn named(name: &str) -> Result<Self, MetricError> {
+        let (family, mut options) = Options::split(name)?;
+        if family != FAMILY {
+            return Err(MetricError::Unknown { name: name.to_owned(), nearest: vec![FAMILY.to_owned()] });
+        }
+        let above = |x: f64| x > 0.0 && x.is_finite();
+        let cost = match options.number("p", |p| p == 1.0 || p == 2.0, "1 or 2")? {
+            Some(1.0) => GroundCost::Distance,
+            _ => GroundCost::SquaredDistance,
+        };
+        let alpha =
+            options.number("alpha", above, "a number above 0 (the study's: .01, .05, .1, 1)")?.unwrap_or(BEST.0);
+        let blur =
+            options.number("blur", above, "a number above 0 (the study's: .01, .02, .05, .1)")?.unwrap_or(BEST.1);
+        let scaling = options
+            .number("scaling", |s| s > 0.0 && s < 1.0, "above 0, below 1 (the study's: .8, .9, .95, .99)")?
+            .unwrap_or(BEST.2);
+        let parameter = |cause: TransportError| wrong(name, &cause);
+        let parameters = SinkhornParameters::new(cost, alpha, blur, scaling).map_err(parameter)?;
+        let accuracy = accuracy(name, &mut options, alpha, blur)?;
+        let metric = Self {
+            name: name.to_owned(),
+            parameters: parameters.with_accuracy(accuracy).map_err(parameter)?,
+            tone: options.tone()?.unwrap_or(Tone::FourthRoot),
+            gamma: options.gamma()?.unwrap_or(0.25),
+            grid: options.grid()?,
+        };
+        options.finish(&OPTIONS)?;
+        Ok(metric)
+    }
+
+    pub fn parameters(&self) -> &SinkhornParameters {
+        &self.parameters
+    }
+
+    pub fn tone(&self) -> Tone {
+        self.tone
+    }
+
+    fn prepared(
+        &self,
+        table: &CosineTable,
+        channel: usize,
+        side: &'static str,
+    ) -> Result<PreparedChannel, MetricError> {
+        let values: Vec<f64> = table.channel(channel).iter().map(|t| self.tone.value(*t)).collect();
+        PreparedChannel::new(&self.parameters, table.grid(), &values, Some(table.valid()))
+            .map_err(|cause| self.failed(Some(side), &cause))
+    }
+
+    fn failed(&self, side: Option<&'static str>, cause: &TransportError) -> MetricError {
+        match (side, cause) {
+            (Some(side), TransportError::NoValidCell) => MetricError::NoValidCell { side },
+            (Some(side), TransportError::NotFinite { .. } | TransportError::ValueTooLarge { .. }) => {
+                MetricError::Unusable { side, reason: cause.to_string() }
+            }
+            _ => MetricError::NotComputed { metric: self.name.clone(), reason: cause.to_string() },
+        }
+    }
+}
+
+fn wrong(name: &str, cause: &TransportError) -> MetricError {
+    match cause {
+        TransportError::Parameter { name: parameter, found, allowed } => MetricError::Parameter {
+            what: format!("{name}: {parameter}"),
+            found: found.to_string(),
+            allowed: (*allowed).to_owned(),
+        },
+        other => MetricError::NotComputed { metric: name.to_owned(), reason: other.to_string() },
+    }
+}
+
+fn accuracy(name: &str, options: &mut Options<'_>, alpha: f64, blur: f64) -> Result<Accuracy, MetricError> {
+    let mut accuracy = match options.take("accuracy") {
+        None | Some("standard") => Accuracy::standard(alpha, blur),
+        Some("fast") => Accuracy::fast(alpha, blur),
+        Some("high") => Accuracy::high(alpha, blur),
+        Some(other) => {
+            return Err(MetricError::Parameter {
+                what: format!("{name}: accuracy"),
+                found: other.to_owned(),
+                allowed: "fast, standard, high".to_owned(),
+            });
+        }
+    };
+    let integer = |range: std::ops::RangeInclusive<f64>| move |x: f64| x.fract() == 0.0 && range.contains(&x);
+    if let Some(kappa) = options.number("kappa", integer(1.0..=256.0), "an integer from 1 to 256")? {
+        accuracy.values_per_blur = kappa as usize;
+    }
+    if let Some(nodes) = options.number("nodes", integer(2.0..=720.0), "an integer from 2 to 720")? {
+        accuracy.base_nodes = nodes as usize;
+    }
+    Ok(accuracy)
+}
+
+impl Metric for TransportMetric {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn properties(&self) -> Properties {
+        let p = &self.parameters;
+        Properties {
+            unit: "1",
+            symmetric: true,
+            usable_as_loss: true,
+            summary: format!(
+                "Sinkhorn divergence between graphs, p {}, alpha {}, blur {}, scaling {}, phi {}, gamma {}",
+                p.cost().power(),
+                p.alpha(),
+                p.blur(),
+                p.scaling(),
+                self.tone,
+                self.gamma
+            ),
+            source: "Lavoué et al. 2021, section 6.1, doi:10.1111/cgf.142636; GeomLoss 0.3.1",
+        }
+    }
+
+    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
+        Ok(Box::new(PreparedGraph::new(self, CosineTable::of(reference, self.grid(), "reference")?)))
+    }
+
+    fn as_graph(&self) -> Option<&dyn GraphMetric> {
+        Some(self)
+    }
+}
+
+impl GraphMetric for TransportMetric {
+    fn grid(&self) -> GraphGrid {
+        self.grid.unwrap_or_default()
+    }
+
+    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn Metric> {
+        Arc::new(Self { grid: self.grid.or(Some(grid)), ..self.clone() })
+    }
+
+    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
+        Ok(Arc::new(Self::named(name)?))
+    }
+
+    fn gamma(&self) -> f64 {
+        self.gamma
+    }
+
+    fn channels(&self, reference: &CosineTable, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
+        reference.common_cells(candidate, &self.name)?;
+        let channel = |c: usize| {
+            let (a, b) = (self.prepared(reference, c, "reference")?, self.prepared(candidate, c, "candidate")?);
+            divergence(&self.parameters, &a, &b).map_err(|cause| self.failed(None, &cause))
+        };
+        let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
+        Ok([red?, green?, blue?])
+    }
+}

@@ -1,0 +1,358 @@
+//! Gaussian sums along the value axis, in the log domain: where the time goes.
+//!
+//! With G_q/epsilon and V(p, q) of the source ([`super::gaussian`]), at every value node r of the target,
+//!
+//!   F_r = max_q (G_q - (w_q - w_r)^2/2)/epsilon,   S(p, r) = e^(F_r) sum_q exp((G_q - (w_q - w_r)^2/2)/epsilon - F_r) V(p, q)
+//!
+//! Two things make this cheaper than all pairs (q, r).
+//!
+//! *Band.* Terms whose exponent lies more than 34 + (largest base cost)/epsilon below F_r, less than 2e-15 of the sum, are left
+//! out. The argument of the maximum grows with r (the cost is convex), and so do the ends of the band: what lies
+//! outside the bands of the ends of an interval of targets is left out between them. S > 0 wherever c is a measure, for the
+//! largest exponent is 0 and base costs are limited (`Method::LARGEST_ALPHA_PER_BLUR`).
+//!
+//! *Interpolation.* Divided by a Gaussian and an exponential in r, the sum over an interval of targets is
+//! sum_q m_q e^(a_q x) with -1 <= x <= 1, m_q of one sign wherever V is, and a_q within an interval of length
+//! A = (length of the sources' band) (length of the targets' interval)/(2 epsilon). Its interpolation in m Chebyshev nodes
+//! is wrong by at most 2 (A/2)^m/m! of sum_q m_q. Intervals are halved until m nodes are enough and cheaper, or 8
+//! targets are left, which are summed one by one. Early in the annealing a few nodes carry the whole axis.
+//!
+//! Source of the estimate: L. N. Trefethen, "Approximation Theory and Approximation Practice", theorem 8.2 and chapter 5
+//! (barycentric formula), doi:10.1137/1.9781611975949.
+//!
+//! Cost, for P base nodes, Q source and R target nodes: at most Q R (1 exponential + P multiplications).
+
+use super::elementary::{LANES, LARGEST_ARGUMENT, Lanes, exp, fma, ln, max};
+use super::gaussian::{Gaussian, Sink, Spread};
+use super::measure::Measure;
+use std::f64::consts::PI;
+use std::ops::Range;
+
+/// Numbers of Chebyshev nodes, and the largest A at which 2 (A/2)^m/m! stays below 1e-11.
+const NODES: [(usize, f64); 6] = [(8, 0.29), (16, 2.67), (24, 6.6), (32, 11.3), (40, 16.4), (48, 21.8)];
+
+/// Interpolation must save this share of the multiplications.
+const WORTHWHILE: f64 = 0.8;
+
+/// Sums from all value nodes of `source` to all of `target`. `ROWS`: base nodes whose sums stay in registers.
+#[inline(always)]
+pub(super) fn gather<const FUSED: bool, const ROWS: usize>(
+    kernel: &Gaussian,
+    source: &Measure,
+    spread: &Spread,
+    target: &Measure,
+    sink: Sink,
+) {
+    let mut axis = Axis { kernel, source: &source.values, spread, target: &target.values, sink };
+    let (mut band, mut nodes) = (Band::default(), Interpolation::default());
+    // Intervals of targets, with the sources that can matter to them.
+    let mut waiting = vec![(0..target.values.len(), 0..source.values.len())];
+    while let Some((targets, sources)) = waiting.pop() {
+        if targets.len() == 1 {
+            axis.sum_tile::<FUSED, ROWS>(targets.start, sources, &mut band);
+            continue;
+        }
+        let interval = axis.interval::<FUSED>(&targets, sources, &mut band);
+        if let Some(count) = interval.nodes(kernel, targets.len()) {
+            axis.interpolate::<FUSED, ROWS>(targets, &interval, count, &mut band, &mut nodes);
+        } else {
+            let middle = targets.start + targets.len() / 2;
+            waiting.push((middle..targets.end, interval.sources.clone()));
+            waiting.push((targets.start..middle, interval.sources));
+        }
+    }
+}
+
+/// Everything that the sums of one softmin share.
+struct Axis<'a> {
+    kernel: &'a Gaussian,
+    /// Multiples of h.
+    source: &'a [Lanes],
+    spread: &'a Spread,
+    target: &'a [Lanes],
+    sink: Sink<'a>,
+}
+
+/// An interval of targets and what is known at its ends.
+struct Interval {
+    /// Entries of sources that matter to the targets.
+    sources: Range<usize>,
+    /// The multiples of h between the first and the last of them.
+    reach: f64,
+    /// Middle and half length, in h.
+    middle: f64,
+    half: f64,
+    /// F at both ends.
+    tops: [f64; 2],
+}
+
+impl Interval {
+    /// How many Chebyshev nodes it takes, where interpolation is worth while for this many entries of targets.
+    fn nodes(&self, kernel: &Gaussian, entries: usize) -> Option<usize> {
+        let spread = self.reach * 2.0 * self.half * kernel.neighbour_cost;
+        let (count, _) = NODES.into_iter().find(|&(_, largest)| spread <= largest)?;
+        let (sources, targets, nodes) = ((self.sources.len() * LANES) as f64, (entries * LANES) as f64, count as f64);
+        (nodes * (sources + targets) < WORTHWHILE * sources * targets).then_some(count)
+    }
+
+    /// The logarithm of the Gaussian and exponential that the sums are divided by: F at both ends, above F between.
+    #[inline(always)]
+    fn gauge<const FUSED: bool>(&self, kernel: &Gaussian, r: f64) -> f64 {
+        let distance = r - self.middle;
+        let [first, last] = self.tops;
+        let slope = if self.half > 0.0 { 0.5 * (last - first) / self.half } else { 0.0 };
+        let level = 0.5 * (first + last) + kernel.neighbour_cost * self.half * self.half;
+        fma::<FUSED>(fma::<FUSED>(-kernel.neighbour_cost, distance, slope), distance, level)
+    }
+}
+
+/// Chebyshev nodes, the sums there, and the way from them to a tile of targets.
+#[derive(Default)]
+struct Interpolation {
+    places: Vec<f64>,
+    /// Barycentric weights.
+    weights: Vec<f64>,
+    /// The sums, divided by the gauge: base nodes x entries of nodes.
+    sums: Vec<Lanes>,
+    /// What each node contributes to the eight targets of a tile.
+    band: Band,
+}
+
+impl Axis<'_> {
+    /// Sums one tile of eight targets.
+    #[inline(always)]
+    fn sum_tile<const FUSED: bool, const ROWS: usize>(&mut self, tile: usize, sources: Range<usize>, band: &mut Band) {
+        let top = band.find::<FUSED>(self.kernel, self.source, &self.spread.level, sources, &self.target[tile]);
+        band.sum_rows::<FUSED, ROWS>(&self.spread.values, self.source.len());
+        self.take::<FUSED>(tile, &band.sums, &top);
+    }
+
+    /// The band of an interval of targets, from those of its ends.
+    #[inline(always)]
+    fn interval<const FUSED: bool>(&self, targets: &Range<usize>, sources: Range<usize>, band: &mut Band) -> Interval {
+        let (first, last) = (self.target[targets.start][0], self.target[targets.end - 1][LANES - 1]);
+        let mut ends = [last; LANES];
+        ends[0] = first;
+        let tops = band.maxima::<FUSED>(self.kernel, self.source, &self.spread.level, sources.clone(), &ends);
+        let matters = |entry: usize, end: usize| {
+            band.largest[entry - sources.start][end] >= tops[end] - self.kernel.cut
+        };
+        let start = sources.clone().find(|&entry| matters(entry, 0)).unwrap_or(sources.start);
+        let end = (start..sources.end).rev().find(|&entry| matters(entry, 1)).unwrap_or(start) + 1;
+        Interval {
+            reach: self.source[end - 1][LANES - 1] - self.source[start][0],
+            sources: start..end,
+            middle: 0.5 * (first + last),
+            half: 0.5 * (last - first),
+            tops: [tops[0], tops[1]],
+        }
+    }
+
+    /// Sums an interval of targets by way of `count` Chebyshev nodes.
+    #[inline(always)]
+    fn interpolate<const FUSED: bool, const ROWS: usize>(
+        &mut self,
+        targets: Range<usize>,
+        interval: &Interval,
+        count: usize,
+        band: &mut Band,
+        nodes: &mut Interpolation,
+    ) {
+        let (kernel, groups) = (self.kernel, count / LANES);
+        nodes.place(interval, count);
+        nodes.sums.resize(kernel.base_len() * groups, [0.0; LANES]);
+        for (group, r) in nodes.places.as_chunks().0.iter().enumerate() {
+            let top = band.find::<FUSED>(kernel, self.source, &self.spread.level, interval.sources.clone(), r);
+            let mut scale = [0.0; LANES];
+            for lane in 0..LANES {
+                scale[lane] = exp::<FUSED>(top[lane] - interval.gauge::<FUSED>(kernel, r[lane]));
+            }
+            band.sum_rows::<FUSED, ROWS>(&self.spread.values, self.source.len());
+            for (p, sum) in band.sums.iter().enumerate() {
+                (0..LANES).for_each(|lane| nodes.sums[p * groups + group][lane] = sum[lane] * scale[lane]);
+            }
+        }
+        for tile in targets {
+            let r = &self.target[tile];
+            nodes.reach(r);
+            let mut gauge = [0.0; LANES];
+            (0..LANES).for_each(|lane| gauge[lane] = interval.gauge::<FUSED>(kernel, r[lane]));
+            nodes.band.sum_rows::<FUSED, ROWS>(&nodes.sums, groups);
+            self.take::<FUSED>(tile, &nodes.band.sums, &gauge);
+        }
+    }
+
+    /// Hands the sums e^top sum of the targets of `tile` to the sink.
+    #[inline(always)]
+    fn take<const FUSED: bool>(&mut self, tile: usize, sums: &[Lanes], top: &Lanes) {
+        let (entries, epsilon) = (self.target.len(), self.kernel.epsilon);
+        match &mut self.sink {
+            Sink::Potential { potential, keep } => {
+                for (p, sum) in sums.iter().enumerate() {
+                    let potential = &mut potential[p * entries + tile];
+                    for lane in 0..LANES {
+                        let logarithm = top[lane] + ln::<FUSED>(max(sum[lane], f64::MIN_POSITIVE));
+                        potential[lane] = *keep * potential[lane] - (1.0 - *keep) * (epsilon * logarithm);
+                    }
+                }
+            }
+            Sink::Sum { sum: out, potential } => {
+                for (p, sum) in sums.iter().enumerate() {
+                    let at = p * entries + tile;
+                    for lane in 0..LANES {
+                        let exponent = top[lane] + potential[at][lane] / epsilon;
+                        // More can only stand where there is no mass.
+                        let exponent = if exponent < LARGEST_ARGUMENT { exponent } else { LARGEST_ARGUMENT };
+                        out[at][lane] = sum[lane] * exp::<FUSED>(exponent);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Interpolation {
+    /// Chebyshev nodes of the first kind in `interval`, and their barycentric weights.
+    fn place(&mut self, interval: &Interval, count: usize) {
+        let angle = |node: usize| PI * (node as f64 + 0.5) / count as f64;
+        self.places.clear();
+        self.places.extend((0..count).map(|node| interval.middle + interval.half * angle(node).cos()));
+        self.weights.clear();
+        self.weights.extend((0..count).map(|node| if node % 2 == 0 { angle(node).sin() } else { -angle(node).sin() }));
+        self.band.entries.clear();
+        self.band.entries.extend(0..count / LANES);
+    }
+
+    /// The barycentric formula at the targets `r`.
+    #[inline(always)]
+    fn reach(&mut self, r: &Lanes) {
+        /// In place of a distance of zero, it gives all the weight to the node.
+        const AT_NODE: f64 = 1e-200;
+        let mut total = [0.0; LANES];
+        self.band.factors.clear();
+        for (&place, &weight) in self.places.iter().zip(&self.weights) {
+            let mut factor = [0.0; LANES];
+            for lane in 0..LANES {
+                let distance = r[lane] - place;
+                factor[lane] = weight / if distance == 0.0 { AT_NODE } else { distance };
+                total[lane] += factor[lane];
+            }
+            self.band.factors.push(factor);
+        }
+        for factor in &mut self.band.factors {
+            (0..LANES).for_each(|lane| factor[lane] /= total[lane]);
+        }
+    }
+}
+
+/// The sources of eight targets.
+#[derive(Default)]
+struct Band {
+    /// The largest exponents of every entry looked at.
+    largest: Vec<Lanes>,
+    /// Entries that take part.
+    entries: Vec<usize>,
+    /// exp(exponent - F) of every source node of these.
+    factors: Vec<Lanes>,
+    /// The sums of every base node.
+    sums: Vec<Lanes>,
+}
+
+/// (G_q - (w_q - w_r)^2/2)/epsilon for the multiples q and r of h.
+#[inline(always)]
+fn exponent<const FUSED: bool>(kernel: &Gaussian, q: f64, level: f64, r: f64) -> f64 {
+    let distance = q - r;
+    fma::<FUSED>(-kernel.neighbour_cost * distance, distance, level)
+}
+
+impl Band {
+    /// F at the targets `r`; `largest` is filled.
+    #[inline(always)]
+    fn maxima<const FUSED: bool>(
+        &mut self,
+        kernel: &Gaussian,
+        source: &[Lanes],
+        level: &[Lanes],
+        sources: Range<usize>,
+        r: &Lanes,
+    ) -> Lanes {
+        let mut top = [f64::NEG_INFINITY; LANES];
+        self.largest.clear();
+        for (q, level) in source[sources.clone()].iter().zip(&level[sources]) {
+            let mut largest = [f64::NEG_INFINITY; LANES];
+            for (&q, &level) in q.iter().zip(level) {
+                for lane in 0..LANES {
+                    largest[lane] = max(exponent::<FUSED>(kernel, q, level, r[lane]), largest[lane]);
+                }
+            }
+            (0..LANES).for_each(|lane| top[lane] = max(top[lane], largest[lane]));
+            self.largest.push(largest);
+        }
+        top
+    }
+
+    /// Finds the band of the targets `r` among the entries `sources`, and returns F.
+    #[inline(always)]
+    fn find<const FUSED: bool>(
+        &mut self,
+        kernel: &Gaussian,
+        source: &[Lanes],
+        level: &[Lanes],
+        sources: Range<usize>,
+        r: &Lanes,
+    ) -> Lanes {
+        let top = self.maxima::<FUSED>(kernel, source, level, sources.clone(), r);
+        self.entries.clear();
+        self.factors.clear();
+        for (entry, largest) in sources.zip(&self.largest) {
+            if (0..LANES).any(|lane| largest[lane] >= top[lane] - kernel.cut) {
+                self.entries.push(entry);
+                for (&q, &level) in source[entry].iter().zip(&level[entry]) {
+                    let mut factor = [0.0; LANES];
+                    for lane in 0..LANES {
+                        factor[lane] = exp::<FUSED>(exponent::<FUSED>(kernel, q, level, r[lane]) - top[lane]);
+                    }
+                    self.factors.push(factor);
+                }
+            }
+        }
+        top
+    }
+
+    /// The sums of every row of `values`, rows of `stride` entries, into `sums`.
+    #[inline(always)]
+    fn sum_rows<const FUSED: bool, const ROWS: usize>(&mut self, values: &[Lanes], stride: usize) {
+        self.sums.clear();
+        let groups = values.chunks_exact(ROWS * stride);
+        let rest = groups.remainder();
+        for rows in groups {
+            let sums = self.sums_of::<FUSED, ROWS>(rows, stride);
+            self.sums.extend_from_slice(&sums);
+        }
+        for row in rest.chunks_exact(stride) {
+            let sums = self.sums_of::<FUSED, 1>(row, stride);
+            self.sums.extend_from_slice(&sums);
+        }
+    }
+
+    /// The sums of `ROWS` rows.
+    #[inline(always)]
+    fn sums_of<const FUSED: bool, const ROWS: usize>(&self, rows: &[Lanes], stride: usize) -> [Lanes; ROWS] {
+        let mut sums = [[0.0; LANES]; ROWS];
+        let (blocks, _) = self.factors.as_chunks::<LANES>();
+        for (&entry, factors) in self.entries.iter().zip(blocks) {
+            let mut values = [[0.0; LANES]; ROWS];
+            for (row, values) in values.iter_mut().enumerate() {
+                *values = rows[row * stride + entry];
+            }
+            for node in 0..LANES {
+                for row in 0..ROWS {
+                    for lane in 0..LANES {
+                        sums[row][lane] = fma::<FUSED>(values[row][node], factors[node][lane], sums[row][lane]);
+                    }
+                }
+            }
+        }
+        sums
+    }
+}

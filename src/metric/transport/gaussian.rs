@@ -13,8 +13,8 @@
 //! multiplication round differently in the last digits; the number of threads changes nothing.
 
 use super::elementary::{LANES, Lanes, exp, fma, ln, max};
-use super::value_axis;
 use super::measure::{Lattice, Measure};
+use super::value_axis;
 
 /// Terms smaller than exp(-34), times the largest base factor, are left out.
 const NEGLIGIBLE: f64 = 34.0;

@@ -130,7 +130,12 @@ impl Measure {
 ///
 /// `of_mass`: its derivative with respect to the masses. The transport of anti-diffusion passes it on to whichever of the
 /// three limits binds. The derivative with respect to an invalid cell is 0.
-pub(super) fn pull_back(measure: &Measure, cells: &[f64], valid: impl Fn(usize) -> bool, of_mass: &[Lanes]) -> Vec<f64> {
+pub(super) fn pull_back(
+    measure: &Measure,
+    cells: &[f64],
+    valid: impl Fn(usize) -> bool,
+    of_mass: &[Lanes],
+) -> Vec<f64> {
     let lattice = &measure.lattice;
     let [_, cells_o, cells_phi] = lattice.grid.shape();
     let [_, nodes_o, nodes_phi] = lattice.nodes;

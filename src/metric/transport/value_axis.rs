@@ -134,9 +134,8 @@ impl Axis<'_> {
         let mut ends = [last; LANES];
         ends[0] = first;
         let tops = band.maxima::<FUSED>(self.kernel, self.source, &self.spread.level, sources.clone(), &ends);
-        let matters = |entry: usize, end: usize| {
-            band.largest[entry - sources.start][end] >= tops[end] - self.kernel.cut
-        };
+        let matters =
+            |entry: usize, end: usize| band.largest[entry - sources.start][end] >= tops[end] - self.kernel.cut;
         let start = sources.clone().find(|&entry| matters(entry, 0)).unwrap_or(sources.start);
         let end = (start..sources.end).rev().find(|&entry| matters(entry, 1)).unwrap_or(start) + 1;
         Interval {

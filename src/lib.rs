@@ -9,6 +9,7 @@
 //! | [`dataset`] | studies: rated pairs, manifests, grouped splits, the embedded synthetic study |
 //! | [`descriptor`] | a BRDF becomes comparable numbers: virtual pictures, angular ratios, embeddings; the cache |
 //! | [`metric`] | the trait [`metric::Metric`]; Lp, learned metrics; the registry |
+//! | [`fit`] | parameters of a model from a measured BRDF, with any metric as the loss |
 //! | [`train`] | ratings become a metric: baselines, kernels, networks (the only place that names burn), export |
 //! | [`evaluation`] | agreement with people: cross-validation, bootstrap, tests of differences, records |
 //! | [`study`] | statistics of the ratings themselves: what a panel said, how far it agrees, what moves it |
@@ -20,6 +21,7 @@ pub mod cli;
 pub mod dataset;
 pub mod descriptor;
 pub mod evaluation;
+pub mod fit;
 pub mod math;
 pub mod metric;
 pub mod report;

@@ -171,9 +171,14 @@ impl GridDirections {
     /// The same as [`Grid::directions`], bit for bit.
     pub fn get(&self, index: usize) -> (Vec3, Vec3) {
         let [_, n1, n2] = self.grid.shape();
-        let [a, b, phi] = &self.sines;
         let row = index / n2;
-        self.grid.directions_of(a[row / n1], b[row % n1], phi[index % n2])
+        self.at([row / n1, row % n1, index % n2])
+    }
+
+    /// The directions of the cell with these indices along the axes.
+    pub fn at(&self, [i, j, k]: [usize; 3]) -> (Vec3, Vec3) {
+        let [a, b, phi] = &self.sines;
+        self.grid.directions_of(a[i], b[j], phi[k])
     }
 }
 

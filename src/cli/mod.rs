@@ -1,10 +1,12 @@
 //! The command line: argument definitions, one file per subcommand, progress bars and exit codes.
 //!
-//! Exit codes: 0 success, 1 a fault of vernis or of the machine, 2 a mistake in what the user gave.
+//! Exit codes: 0 success, 1 a fault of vernis or of the machine, 2 a mistake in what the user gave, 3 a fit that did not
+//! converge (its best result so far is written).
 
 mod compare;
 mod data;
 mod describe;
+mod fit;
 mod metrics;
 mod progress;
 mod score;
@@ -66,6 +68,8 @@ enum Command {
     Score(score::ScoreArgs),
     /// Sweep the parameters of the transport and energy distances over a study.
     Sweep(sweep::SweepArgs),
+    /// Fit a model to a BRDF, with any metric as the loss.
+    Fit(fit::FitArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -114,8 +118,12 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("vernis: {error:#}");
-            let users = error.chain().any(|cause| cause.is::<UserError>());
-            ExitCode::from(if users { 2 } else { 1 })
+            let any = |is: fn(&(dyn std::error::Error + 'static)) -> bool| error.chain().any(is);
+            ExitCode::from(match () {
+                () if any(|cause| cause.is::<UserError>()) => 2,
+                () if any(|cause| cause.is::<fit::NotConverged>()) => 3,
+                () => 1,
+            })
         }
     }
 }
@@ -135,6 +143,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Compare(args) => compare::run(&cli.shared, args),
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Sweep(args) => sweep::run(&cli.shared, args),
+        Command::Fit(args) => fit::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),

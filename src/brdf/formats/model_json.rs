@@ -1,12 +1,18 @@
 //! `.json`: a model and its parameters, as in `{"model": "ward", "kd": [0.2, 0.1, 0.05], "ks": [0.1, 0.1, 0.1],
 //! "alpha": 0.15}`. The fields are those of the model's schema, colours as three numbers; all must be there. The fields of a
 //! sum such as `"ggx+ward"` carry the number of their term: `"1.kd"`, `"2.alpha"`.
+//!
+//! A file of a fit, which has a `format`, holds the same fields under `parameters`, among other things:
+//! `{"format": 1, "model": "ward", "parameters": {"kd": ...}, ...}`.
 
 use crate::brdf::BrdfError;
 use crate::brdf::error::nearest;
 use crate::brdf::models::{FieldError, MODELS, ModelError, NamedParameters};
 use serde_json::Value;
 use std::path::Path;
+
+/// The format of files of fits that this version writes; older ones keep being read.
+pub const FIT_FORMAT: u32 = 1;
 
 /// The parameters in the file at `path`, not yet checked against the model's bounds.
 pub fn read(path: &Path) -> Result<NamedParameters, BrdfError> {
@@ -36,6 +42,7 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
         found,
         allowed,
     };
+    let fields = fields(json, &field_error)?;
     let model = match json.get("model") {
         Some(Value::String(model)) => model,
         other => {
@@ -44,7 +51,7 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
         }
     };
     let mut parameters = for_model(place, model)?;
-    for (field, value) in json.iter().filter(|(field, _)| *field != "model") {
+    for (field, value) in fields {
         let entries: Option<Vec<f64>> = match value {
             Value::Array(items) => items.iter().map(Value::as_f64).collect(),
             number => number.as_f64().map(|n| vec![n]),
@@ -57,6 +64,28 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
         Some(field) => {
             let entries = parameters.fields().iter().find(|(f, _)| *f == field).map_or(1, |f| f.1);
             Err(field_error(field, "nothing".to_owned(), numbers(entries)))
+        }
+    }
+}
+
+/// The fields of the model: those of the file, or of its `parameters` if it is that of a fit.
+fn fields<'a>(
+    json: &'a serde_json::Map<String, Value>,
+    error: &impl Fn(&str, String, String) -> BrdfError,
+) -> Result<Vec<(&'a String, &'a Value)>, BrdfError> {
+    let Some(format) = json.get("format") else {
+        return Ok(json.iter().filter(|(field, _)| *field != "model").collect());
+    };
+    // What is newer may look different: this comes first.
+    if !format.as_u64().is_some_and(|f| (1..=u64::from(FIT_FORMAT)).contains(&f)) {
+        let allowed = format!("1 to {FIT_FORMAT}; a newer file needs a newer vernis");
+        return Err(error("format", format.to_string(), allowed));
+    }
+    match json.get("parameters") {
+        Some(Value::Object(parameters)) => Ok(parameters.iter().collect()),
+        other => {
+            let found = other.map_or("nothing".to_owned(), Value::to_string);
+            Err(error("parameters", found, "an object of the model's fields".to_owned()))
         }
     }
 }

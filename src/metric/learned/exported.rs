@@ -243,15 +243,7 @@ impl ExportedMetric {
 
     /// The score of a pair from its descriptors, in the order of `regressor.inputs`.
     pub fn score(&self, raw: &[f64]) -> Result<Score, ExportedError> {
-        let inputs = &self.regressor.inputs;
-        if raw.len() != inputs.len() {
-            let (found, expected) = (raw.len(), inputs.len());
-            return Err(ExportedError::Inputs { name: self.name.clone(), found, expected });
-        }
-        if let Some((input, &value)) = inputs.iter().zip(raw).find(|(_, v)| !v.is_finite()) {
-            return Err(ExportedError::NotFinite { name: self.name.clone(), column: input.name.clone(), value });
-        }
-        let prediction = self.regressor.predict(raw);
+        let prediction = self.prediction(raw)?;
         let half = self.interval.factor * (self.spread(raw) + self.interval.offset);
         let clip = |mos: f64| mos.clamp(1.0, 5.0);
         Ok(Score {
@@ -260,6 +252,23 @@ impl ExportedMetric {
             low: clip(prediction - half),
             high: clip(prediction + half),
         })
+    }
+
+    /// The distance of [`ExportedMetric::score`] before it is cut off at zero: a fit needs the slope there.
+    pub fn signed_distance(&self, raw: &[f64]) -> Result<f64, ExportedError> {
+        Ok(self.regressor.identity_mos - self.prediction(raw)?)
+    }
+
+    fn prediction(&self, raw: &[f64]) -> Result<f64, ExportedError> {
+        let inputs = &self.regressor.inputs;
+        if raw.len() != inputs.len() {
+            let (found, expected) = (raw.len(), inputs.len());
+            return Err(ExportedError::Inputs { name: self.name.clone(), found, expected });
+        }
+        if let Some((input, &value)) = inputs.iter().zip(raw).find(|(_, v)| !v.is_finite()) {
+            return Err(ExportedError::NotFinite { name: self.name.clone(), column: input.name.clone(), value });
+        }
+        Ok(self.regressor.predict(raw))
     }
 
     /// Standard deviation of the members' predictions, in MOS; 0 for fewer than two members.

@@ -78,6 +78,13 @@ impl LearnedMetric {
         self.exported.score(&raw).map_err(|e| MetricError::Unusable { side: "descriptors", reason: e.to_string() })
     }
 
+    /// The distance before it is cut off at zero ([`ExportedMetric::signed_distance`]).
+    pub fn signed_distance(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<f64, MetricError> {
+        let raw = self.exported.descriptors.set.compare(reference, candidate, &self.setup);
+        let failed = |e: ExportedError| MetricError::Unusable { side: "descriptors", reason: e.to_string() };
+        self.exported.signed_distance(&raw).map_err(failed)
+    }
+
     /// As [`LearnedMetric::score`], from the BRDFs themselves.
     pub fn compare(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Score, MetricError> {
         self.score(&self.features(reference, "reference")?, &self.features(candidate, "candidate")?)

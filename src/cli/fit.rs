@@ -1,0 +1,178 @@
+//! `vernis fit`: the parameters of a model from a BRDF, under any metric.
+
+use super::progress::Bar;
+use super::{Shared, print, user_error, workspace};
+use crate::brdf::formats::model_json;
+use crate::fit::optimizer::StopReason;
+use crate::fit::{FitError, FitFile, Fitting, Start};
+use crate::metric::Metric;
+use crate::report::OutputFolder;
+use anyhow::{Result, anyhow};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Fit a model to a BRDF.
+#[derive(Args)]
+#[command(after_help = "\
+The result is a model file that every subcommand reads as a BRDF. It is also written when the search ends before it
+converges; the exit code is then 3.
+
+Examples:
+  vernis fit alum-bronze.binary --model ggx --metric D4.Cl --out ggx.json
+  vernis fit merl_nbrdf.zip:teflon --model ward-duer --metric D9.Cl --optimizer lbfgs --starts 4 --out ward.json
+  vernis fit merl_nbrdf.zip:teflon --model ggx --metric vernis --out learned.json
+  vernis fit merl_nbrdf.zip:teflon --model ggx+blinn-phong --metric ot --start ggx+blinn-phong.json --out ot.json
+  vernis compare merl_nbrdf.zip:teflon learned.json")]
+pub struct FitArgs {
+    /// The BRDF to fit, as `vernis compare --help` describes.
+    reference: String,
+    /// A model, or a sum of models such as ggx+ward. dupuy, dupuy-ggx and dupuy-beckmann are read off the reference.
+    #[arg(long, short)]
+    model: String,
+    /// The loss: a metric by name, or the path of an exported metric.
+    #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
+    metric: String,
+    /// staged, log (a fit under D9.Cl first), or a file of parameters [default: log for learned metrics, else staged].
+    #[arg(long, value_name = "staged|log|FILE.json")]
+    start: Option<String>,
+    /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients.
+    #[arg(long, value_name = "NAME", default_value = "hooke-jeeves")]
+    optimizer: String,
+    /// Cells of the metric to a cell of the search, along each axis; 1 searches on the metric's own cells.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    grid: usize,
+    /// How many starts to search from.
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    starts: usize,
+    /// Of the random starts.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// For each start [default: 5000 for Lp metrics, 400 for others].
+    #[arg(long, value_name = "N")]
+    max_evaluations: Option<usize>,
+    /// The file to write.
+    #[arg(long, short, value_name = "JSON")]
+    out: PathBuf,
+    /// Print the content of the file.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The search spent its evaluations; the best result so far was written.
+#[derive(Debug)]
+pub struct NotConverged(String);
+
+impl std::fmt::Display for NotConverged {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for NotConverged {}
+
+pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
+    let metric = one_metric(&args.metric)?;
+    let start = args.start.as_deref().map(|s| start(s, &args.model)).transpose()?;
+    let fitting = Fitting {
+        model: &args.model,
+        metric: &*metric,
+        start,
+        method: args.optimizer.parse().map_err(user_error)?,
+        starts: args.starts,
+        seed: args.seed,
+        coarsening: args.grid,
+        max_evaluations: args.max_evaluations,
+    };
+    let (folder, name) = output(&args.out)?;
+    let reference = workspace::open(&args.reference, shared.data.as_deref())?;
+    if metric.as_learned().is_some() {
+        workspace::prepare(std::slice::from_ref(&metric), workspace::cache(shared)?.as_ref());
+    }
+    let bar = Bar::new();
+    let fitted = fitting.run(&*reference.brdf, &|stage, progress| bar.update(stage, progress));
+    bar.finish();
+    let fitted = fitted.map_err(named)?;
+    let file = FitFile::new(&fitting, &fitted, &args.reference, &reference.content.to_string());
+    let text = file.to_json()?;
+    folder.write(&name, text.as_bytes())?;
+    print(if args.json { text } else { summary(&file, &args.out) })?;
+    if fitted.stop == StopReason::EvaluationLimit {
+        return Err(NotConverged(format!(
+            "{}: {} evaluations did not suffice; the best result so far was written; allowed: a higher --max-evaluations",
+            args.model, fitted.evaluations
+        ))
+        .into());
+    }
+    Ok(())
+}
+
+/// Mistakes of the user are those of settings, models and BRDFs: all but a failed write.
+fn named(error: FitError) -> anyhow::Error {
+    match error {
+        FitError::Write { .. } => anyhow!(error),
+        _ => user_error(error),
+    }
+}
+
+fn one_metric(name: &str) -> Result<Arc<dyn Metric>> {
+    let mut found = workspace::metrics(&[name.to_owned()])?;
+    match (found.pop(), found.is_empty()) {
+        (Some(metric), true) => Ok(metric),
+        _ => Err(user_error(format!("--metric: found {name}, which is several metrics; allowed: one"))),
+    }
+}
+
+fn start(text: &str, model: &str) -> Result<Start> {
+    match text {
+        "staged" => Ok(Start::Staged),
+        "log" => Ok(Start::Log),
+        path if path.ends_with(".json") => {
+            let parameters = model_json::read(Path::new(path)).map_err(user_error)?;
+            if parameters.model() != model {
+                let found = parameters.model();
+                return Err(user_error(format!("--start {path}: found a {found}, allowed: parameters of {model}")));
+            }
+            let built = parameters.build().map_err(|e| user_error(format!("--start {path}: {e}")))?;
+            Ok(Start::Parameters(built.parameters()))
+        }
+        other => {
+            Err(user_error(format!("--start: found {other}, allowed: staged, log, or a .json file of parameters")))
+        }
+    }
+}
+
+/// The folder and the name of the file to write; found unwritable before the work.
+pub fn output(path: &Path) -> Result<(OutputFolder, String)> {
+    let name = path.file_name().and_then(|n| n.to_str()).filter(|n| n.ends_with(".json") && !path.is_dir());
+    let name =
+        name.ok_or_else(|| user_error(format!("--out {}: allowed: the name of a .json file", path.display())))?;
+    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
+}
+
+fn summary(file: &FitFile, path: &Path) -> String {
+    let mut text = format!(
+        "{} of {} under {} {}\n{:.6} at the start, {:.6} at the end ({}, {} evaluations)\n",
+        file.model,
+        file.reference.source,
+        file.metric.name,
+        file.metric.version,
+        file.value_at_start,
+        file.value,
+        file.stop.name(),
+        file.evaluations + file.polish_evaluations,
+    );
+    // Tables of hundreds of numbers are for the file.
+    if file.parameters.len() <= 16 {
+        for (field, value) in &file.parameters {
+            let numbers = match value {
+                serde_json::Value::Array(all) => all.iter().filter_map(|v| v.as_f64()).collect(),
+                one => one.as_f64().into_iter().collect::<Vec<f64>>(),
+            };
+            let numbers: Vec<String> = numbers.into_iter().map(|x| format!("{x:.5}")).collect();
+            text += &format!("  {field:8} {}\n", numbers.join("  "));
+        }
+    }
+    text + &format!("{}\n", path.display())
+}

@@ -1,0 +1,51 @@
+//! Models that are read off a reference instead of being searched for.
+//!
+//! `dupuy`, `dupuy-ggx` and `dupuy-beckmann`: facets from the light that comes straight back, by the power iteration of
+//! [`Dupuy::from_retroreflection`], and the GGX and Beckmann surfaces of the same roughness. The metric takes no part; its
+//! distance is only reported.
+
+use super::optimizer::StopReason;
+use super::{FitError, Fitted};
+use crate::brdf::Brdf;
+use crate::brdf::models::{AnalyticBrdf, Dupuy, ModelError};
+use crate::metric::Metric;
+use std::sync::Arc;
+
+const TABULATED: &str = "dupuy";
+const GGX: &str = "dupuy-ggx";
+const BECKMANN: &str = "dupuy-beckmann";
+
+/// Whether [`fit`] knows the model.
+pub fn is_direct(model: &str) -> bool {
+    [TABULATED, GGX, BECKMANN].contains(&model)
+}
+
+/// The model that the reference itself gives.
+///
+/// # Errors
+/// [`FitError::Model`] where the reference sends no light straight back, or the roughness is out of bounds; those of the
+/// metric.
+pub fn fit(model: &str, metric: &dyn Metric, reference: &dyn Brdf) -> Result<Fitted, FitError> {
+    let fitted = extracted(model, reference).map_err(FitError::Model)?;
+    let value = metric.distance(reference, &*fitted)?;
+    Ok(Fitted {
+        model: fitted,
+        value_at_start: value,
+        value,
+        stop: StopReason::Direct,
+        method: "power-iteration",
+        start: "none",
+        evaluations: 1,
+        polish_evaluations: 0,
+        history: Vec::new(),
+    })
+}
+
+fn extracted(model: &str, reference: &dyn Brdf) -> Result<Arc<dyn AnalyticBrdf>, ModelError> {
+    let tabulated = Dupuy::from_retroreflection(reference)?;
+    Ok(Arc::new(match model {
+        GGX => tabulated.ggx()?,
+        BECKMANN => tabulated.beckmann()?,
+        _ => tabulated,
+    }))
+}

@@ -1,0 +1,58 @@
+//! Parameters of a model from a measured BRDF, with any metric as the loss.
+//!
+//! [`Fitting`] says how: model, metric, start, method, budget; [`Fitting::run`] gives a [`Fitted`], which [`FitFile`] keeps.
+//! Underneath: [`loss`] makes a function of the model out of a metric and its reference, [`Space`] gives the parameters
+//! coordinates in which steps are alike, [`start`] finds where to begin, [`optimizer`] searches. Models that are read off a
+//! reference, not searched, are in [`direct`].
+
+pub mod direct;
+mod fitting;
+pub mod loss;
+pub mod optimizer;
+mod result_file;
+mod space;
+pub mod start;
+
+pub use fitting::{Fitted, Fitting, Start};
+pub use result_file::{FitFile, MetricUsed};
+pub use space::Space;
+
+use crate::brdf::models::{MODELS, ModelError};
+use crate::metric::MetricError;
+use thiserror::Error;
+
+/// What keeps a model from being fitted.
+#[derive(Debug, Error)]
+pub enum FitError {
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+    #[error(transparent)]
+    Model(ModelError),
+    #[error("unknown model `{found}`; {}; allowed: {}, and sums such as ggx+ward", suggestion(nearest), MODELS.join(", "))]
+    UnknownModel { found: String, nearest: Vec<String> },
+    #[error("{what}: found {found}, allowed: {allowed}")]
+    Setting { what: &'static str, found: String, allowed: String },
+    #[error("lbfgs needs gradients, and {what} has none; allowed: hooke-jeeves, nelder-mead")]
+    NoGradient { what: String },
+    #[error("the start cannot be used: {reason}")]
+    Start { reason: String },
+    #[error("the result cannot be written: {reason}")]
+    Write { reason: String },
+}
+
+impl FitError {
+    /// With the nearest names for a model that does not exist.
+    fn from_model(error: ModelError) -> Self {
+        const SIMILAR: f64 = 0.5;
+        let ModelError::UnknownModel { found } = error else { return Self::Model(error) };
+        let similarity = |model: &str| strsim::normalized_damerau_levenshtein(&found.to_lowercase(), model);
+        let mut nearest: Vec<&str> = MODELS.into_iter().filter(|m| similarity(m) >= SIMILAR).collect();
+        nearest.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
+        let nearest = nearest.into_iter().take(3).map(str::to_owned).collect();
+        Self::UnknownModel { found, nearest }
+    }
+}
+
+fn suggestion(nearest: &[String]) -> String {
+    if nearest.is_empty() { "no name is similar".to_owned() } else { format!("did you mean {}?", nearest.join(", ")) }
+}

@@ -1,0 +1,227 @@
+//! Minimisers of a function of a few variables over a box.
+//!
+//! [`Method::HookeJeeves`] is the study's; [`Method::NelderMead`] needs no gradient either; [`Method::Lbfgs`] needs one.
+//! All three are written here: they are a page each, and what crates offer takes no bounds (the L-BFGS and the simplex of
+//! `argmin`), or wraps another language.
+//!
+//! An optimiser sees its function through a [`Run`], which counts evaluations, remembers the best point whatever happens
+//! afterwards, and ends the search when the evaluations are spent. An evaluation of value and gradient counts as one.
+
+mod hooke_jeeves;
+mod lbfgs;
+mod nelder_mead;
+
+use super::FitError;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// What is minimised: a function over a box. Infinity marks points where it has no value.
+pub trait Objective: Sync {
+    /// Smallest and largest value of each variable.
+    fn bounds(&self) -> &[(f64, f64)];
+
+    fn value(&self, x: &[f64]) -> Result<f64, FitError>;
+
+    /// The value and its derivatives.
+    fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), FitError>;
+}
+
+/// How a search proceeds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Pattern search, the study's method.
+    HookeJeeves,
+    /// The simplex of Nelder and Mead.
+    NelderMead,
+    /// Quasi-Newton with bounds.
+    Lbfgs,
+}
+
+impl Method {
+    pub const ALL: [Self; 3] = [Self::HookeJeeves, Self::NelderMead, Self::Lbfgs];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::HookeJeeves => "hooke-jeeves",
+            Self::NelderMead => "nelder-mead",
+            Self::Lbfgs => "lbfgs",
+        }
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Method {
+    type Err = FitError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| FitError::Setting {
+            what: "optimizer",
+            found: text.to_owned(),
+            allowed: Self::ALL.map(Self::name).join(", "),
+        })
+    }
+}
+
+/// Why a search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopReason {
+    /// Steps, simplex or projected gradient fell below the tolerance.
+    Converged,
+    /// No step along the descent direction lowers the value any more, though the gradient does not vanish.
+    NoDescent,
+    /// The evaluations were spent first.
+    EvaluationLimit,
+    /// A closed form or a convex programme: there is nothing to converge.
+    Direct,
+}
+
+impl StopReason {
+    /// Whether the result is a minimum as far as the method can tell.
+    pub fn is_success(self) -> bool {
+        self != Self::EvaluationLimit
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::NoDescent => "no-descent",
+            Self::EvaluationLimit => "evaluation-limit",
+            Self::Direct => "direct",
+        }
+    }
+}
+
+/// When a search begins and ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    pub max_evaluations: usize,
+    /// First step, in units of the variables.
+    pub step: f64,
+    /// Steps below this are not worth another evaluation.
+    pub tolerance: f64,
+}
+
+/// An improvement on the way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Improvement {
+    /// How many evaluations it took to get there.
+    pub evaluations: usize,
+    pub value: f64,
+}
+
+/// Where a search came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The best point seen.
+    pub x: Vec<f64>,
+    pub value: f64,
+    pub stop: StopReason,
+    pub evaluations: usize,
+    /// Every improvement, in order; the first is the start.
+    pub history: Vec<Improvement>,
+}
+
+/// Called with the evaluations so far.
+pub type Observer<'a> = &'a (dyn Fn(usize) + Sync);
+
+/// Minimises `objective` from `start`, which is moved into the box first.
+///
+/// # Errors
+/// Those of the objective; [`FitError::Start`] if it has no value at the start.
+pub fn minimise(
+    method: Method,
+    objective: &dyn Objective,
+    start: &[f64],
+    limits: Limits,
+    observer: Observer<'_>,
+) -> Result<Outcome, FitError> {
+    let mut run = Run::new(objective, limits, observer);
+    let start = run.inside(start.to_vec());
+    let search = match method {
+        Method::HookeJeeves => hooke_jeeves::search,
+        Method::NelderMead => nelder_mead::search,
+        Method::Lbfgs => lbfgs::search,
+    };
+    let stop = match search(&mut run, start) {
+        Ok(stop) => stop,
+        Err(Halt::Spent) => StopReason::EvaluationLimit,
+        Err(Halt::Failed(error)) => return Err(*error),
+    };
+    if !run.best_value.is_finite() {
+        return Err(FitError::Start { reason: "the loss has no finite value there".to_owned() });
+    }
+    let Run { best: x, best_value: value, evaluations, history, .. } = run;
+    Ok(Outcome { x, value, stop, evaluations, history })
+}
+
+/// Why an optimiser must stop in the middle of its work.
+enum Halt {
+    Spent,
+    Failed(Box<FitError>),
+}
+
+/// One search: the objective, its limits and what was seen so far.
+struct Run<'a> {
+    objective: &'a dyn Objective,
+    limits: Limits,
+    observer: Observer<'a>,
+    evaluations: usize,
+    best: Vec<f64>,
+    best_value: f64,
+    history: Vec<Improvement>,
+}
+
+impl<'a> Run<'a> {
+    fn new(objective: &'a dyn Objective, limits: Limits, observer: Observer<'a>) -> Self {
+        let best = vec![0.0; objective.bounds().len()];
+        Self { objective, limits, observer, evaluations: 0, best, best_value: f64::INFINITY, history: Vec::new() }
+    }
+
+    /// The point of the box next to `x`.
+    fn inside(&self, mut x: Vec<f64>) -> Vec<f64> {
+        x.iter_mut().zip(self.objective.bounds()).for_each(|(x, &(low, high))| *x = x.clamp(low, high));
+        x
+    }
+
+    fn value(&mut self, x: &[f64]) -> Result<f64, Halt> {
+        self.spend()?;
+        let value = self.objective.value(x).map_err(|e| Halt::Failed(Box::new(e)))?;
+        Ok(self.note(x, value))
+    }
+
+    fn gradient(&mut self, x: &[f64]) -> Result<(f64, Vec<f64>), Halt> {
+        self.spend()?;
+        let (value, gradient) = self.objective.gradient(x).map_err(|e| Halt::Failed(Box::new(e)))?;
+        Ok((self.note(x, value), gradient))
+    }
+
+    fn spend(&mut self) -> Result<(), Halt> {
+        if self.evaluations >= self.limits.max_evaluations {
+            return Err(Halt::Spent);
+        }
+        self.evaluations += 1;
+        (self.observer)(self.evaluations);
+        Ok(())
+    }
+
+    /// Keeps the best point. A NaN counts as no value.
+    fn note(&mut self, x: &[f64], value: f64) -> f64 {
+        let value = if value.is_nan() { f64::INFINITY } else { value };
+        if value < self.best_value {
+            (self.best, self.best_value) = (x.to_vec(), value);
+            self.history.push(Improvement { evaluations: self.evaluations, value });
+        }
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests;

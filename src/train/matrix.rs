@@ -33,9 +33,9 @@ pub enum MatrixError {
     #[error("{notation}: {source}")]
     Table { notation: String, source: TableError },
     #[error("{reference} against {candidate}: {source}")]
-    Lp { reference: String, candidate: String, source: MetricError },
+    Lp { reference: String, candidate: String, source: Box<MetricError> },
     #[error("{reference} against {candidate}: {source}")]
-    Graph { reference: String, candidate: String, source: MetricError },
+    Graph { reference: String, candidate: String, source: Box<MetricError> },
     #[error(transparent)]
     Samples(#[from] SamplesError),
     #[error("the distances of {found} pairs were computed, expected {expected}")]
@@ -155,7 +155,7 @@ impl MatrixBuilder<'_> {
         };
         let distances = LpDistances::of_study_between(reference_table, candidate.brdf.as_ref()).map_err(|source| {
             let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
-            MatrixError::Lp { reference, candidate, source }
+            MatrixError::Lp { reference, candidate, source: Box::new(source) }
         })?;
         let values: Vec<f64> = distances.of_study().map(|(_, value)| value).collect();
         let warning = self.cache.and_then(|c| c.store_values(&key, &values).err());

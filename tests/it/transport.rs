@@ -3,7 +3,10 @@
 use crate::transport_pairs::{self as pairs, Model};
 use serde_json::Value;
 use vernis::metric::graph::GraphGrid;
-use vernis::metric::transport::{Accuracy, GroundCost, PreparedChannel, SinkhornParameters, divergence};
+use vernis::metric::transport::{
+    Accuracy, GroundCost, Method, PreparedChannel, SinkhornParameters, TransportError, divergence,
+    divergence_and_gradient,
+};
 
 /// The golden file: GeomLoss 0.3.1, `SamplesLoss("sinkhorn", p=2, blur=.05, scaling=.8, backend="tensorized")`, f64.
 fn golden() -> Value {
@@ -66,4 +69,351 @@ fn fast_accuracy_is_within_four_per_cent_of_geomloss() {
         let worst = worst_golden(&parameters, grid.parse().unwrap());
         assert!(worst < 0.04, "{grid}: {worst}");
     }
+}
+
+fn grid(theta_i: usize, theta_o: usize, phi_d: usize) -> GraphGrid {
+    GraphGrid::new(theta_i, theta_o, phi_d).unwrap()
+}
+
+fn parameters(cost: GroundCost, alpha: f64, blur: f64, scaling: f64) -> SinkhornParameters {
+    SinkhornParameters::new(cost, alpha, blur, scaling).unwrap()
+}
+
+/// Sums over all pairs, with the standard library.
+fn brute_force(parameters: &SinkhornParameters, grid: GraphGrid, a: &[f64], b: &[f64]) -> f64 {
+    let points = |values| pairs::points(grid, parameters.alpha(), values);
+    let p = if parameters.cost() == GroundCost::Distance { 1 } else { 2 };
+    pairs::divergence(p, parameters.blur(), parameters.scaling(), &points(a), &points(b))
+}
+
+/// The relative error against [`brute_force`].
+fn error(parameters: &SinkhornParameters, grid: GraphGrid, pair: (Model, Model), phi: fn(f64) -> f64) -> f64 {
+    let (a, b) = (pair.0.graph(grid, phi), pair.1.graph(grid, phi));
+    between(parameters, grid, &a, &b) / brute_force(parameters, grid, &a, &b) - 1.0
+}
+
+/// Rough and smooth, far apart and nearly equal.
+const PAIRS: [(Model, Model); 7] = [
+    (Model::Ggx { a: 0.15, kd: 0.2, f0: 0.04 }, Model::Ggx { a: 0.2, kd: 0.22, f0: 0.05 }),
+    (Model::Ggx { a: 0.1, kd: 0.0, f0: 0.9 }, Model::Ward { a: 0.12, kd: 0.02, ks: 0.8 }),
+    (Model::Blinn { n: 60.0, kd: 0.1, ks: 0.3 }, Model::Blinn { n: 80.0, kd: 0.1, ks: 0.25 }),
+    (Model::Lambert { kd: 0.4 }, Model::Ggx { a: 0.4, kd: 0.38, f0: 0.04 }),
+    (Model::Lambert { kd: 0.01 }, Model::Lambert { kd: 0.9 }),
+    (Model::Ward { a: 0.3, kd: 0.1, ks: 0.2 }, Model::Ward { a: 0.3003, kd: 0.1, ks: 0.2 }),
+    (Model::Ggx { a: 0.25, kd: 0.3, f0: 0.1 }, Model::Ggx { a: 0.2501, kd: 0.3, f0: 0.1 }),
+];
+
+#[test]
+fn further_pairs_agree_with_sums_over_all_pairs() {
+    for grid in [grid(6, 5, 14), grid(4, 7, 16)] {
+        for pair in PAIRS {
+            let found = error(&study(), grid, pair, fourth_root);
+            println!("{pair:?}: {found:.1e}");
+            assert!(found.abs() < 0.01, "{grid} {pair:?}: {found}");
+        }
+    }
+}
+
+/// `2.5e-10` and below, where differences of potentials lose ten digits.
+#[test]
+fn nearly_equal_channels_keep_relative_precision() {
+    let grid = grid(6, 6, 16);
+    for step in [1e-4, 1e-5] {
+        let pair = (Model::Ggx { a: 0.2, kd: 0.2, f0: 0.1 }, Model::Ggx { a: 0.2 + step, kd: 0.2, f0: 0.1 });
+        let (a, b) = (pair.0.graph(grid, fourth_root), pair.1.graph(grid, fourth_root));
+        let (found, expected) = (between(&study(), grid, &a, &b), brute_force(&study(), grid, &a, &b));
+        println!("{step}: {found:e} {expected:e}");
+        assert!(expected < 1e-9 && (found / expected - 1.0).abs() < 0.01, "{step}: {found:e} {expected:e}");
+    }
+}
+
+#[test]
+fn every_corner_of_the_paper_s_grid_agrees_with_sums_over_all_pairs() {
+    let logarithm: fn(f64) -> f64 = |t| (t + 0.01).ln();
+    let tones: [fn(f64) -> f64; 5] = [|t| t, f64::sqrt, f64::cbrt, fourth_root, logarithm];
+    let scalings = [0.8, 0.9, 0.95, 0.99];
+    let mut combination = 0;
+    for alpha in [0.01, 0.05, 0.1, 1.0] {
+        for blur in [0.01, 0.02, 0.05, 0.1] {
+            // All scalings and tones come round with every alpha and every blur.
+            for k in [combination, combination + 7] {
+                let parameters = parameters(GroundCost::SquaredDistance, alpha, blur, scalings[k % 4]);
+                let found = error(&parameters, grid(4, 4, 10), PAIRS[k % 3], tones[k % 5]);
+                println!("alpha {alpha} blur {blur} scaling {} tone {}: {found:.1e}", scalings[k % 4], k % 5);
+                assert!(found.abs() < 0.01, "alpha {alpha} blur {blur} combination {k}: {found}");
+            }
+            combination += 3;
+        }
+    }
+}
+
+#[test]
+fn distances_themselves_and_far_directions_take_direct_sums() {
+    let grid = grid(4, 5, 9);
+    let cases = [
+        parameters(GroundCost::Distance, 0.1, 0.05, 0.8),
+        parameters(GroundCost::Distance, 1.0, 0.01, 0.9),
+        parameters(GroundCost::SquaredDistance, 1.0, 0.01, 0.8),
+    ];
+    for parameters in cases {
+        assert_eq!(parameters.method(grid).unwrap(), Method::Direct);
+        for pair in PAIRS {
+            let found = error(&parameters, grid, pair, fourth_root);
+            assert!(found.abs() < 1e-6, "{parameters:?} {pair:?}: {found}");
+        }
+        let refused = parameters.method(GraphGrid::STUDY).unwrap_err();
+        assert!(matches!(refused, TransportError::TooManyCells { allowed: 13_500, .. }));
+        let message = refused.to_string();
+        assert!(message.contains("13500 cells (15 x 15 x 60)") && message.contains("364500"), "{message}");
+    }
+}
+
+/// One valid cell a side: the cost of the way between the two points, |x - y|^2/2.
+#[test]
+fn diracs_are_their_cost_apart() {
+    let (grid, mut only) = (grid(2, 2, 4), vec![false; 16]);
+    only[5] = true;
+    let prepare = |value: f64| PreparedChannel::new(&study(), grid, &[value; 16], Some(&only)).unwrap();
+    let h = 0.05 / 8.0;
+    for steps in [1, 10, 160, 4000] {
+        let shift = f64::from(steps) * h;
+        let found = divergence(&study(), &prepare(0.3), &prepare(0.3 + shift)).unwrap();
+        assert!((found / (0.5 * shift * shift) - 1.0).abs() < 1e-9, "{steps}: {found}");
+    }
+}
+
+/// A shift of everything by c costs c^2/2 once the potentials have converged.
+#[test]
+fn translations_cost_their_square() {
+    let converged = parameters(GroundCost::SquaredDistance, 0.1, 0.05, 0.99);
+    let grid = grid(5, 5, 12);
+    let a = Model::Ggx { a: 0.3, kd: 0.2, f0: 0.1 }.graph(grid, fourth_root);
+    for shift in [0.01, 0.1, 1.0] {
+        let b: Vec<f64> = a.iter().map(|w| w + shift).collect();
+        let found = between(&converged, grid, &a, &b);
+        println!("{shift}: {}", found / (0.5 * shift * shift) - 1.0);
+        assert!((found / (0.5 * shift * shift) - 1.0).abs() < 0.01, "{shift}: {found}");
+    }
+}
+
+/// The quantile function of the normal distribution, by bisection of its series.
+fn normal_quantile(p: f64) -> f64 {
+    // erf(x) = 2/sqrt(pi) sum_n x^(2n+1) 2^n e^(-x^2)/(1 3 5 ... (2n+1)).
+    let cumulative = |z: f64| {
+        let x = z / 2f64.sqrt();
+        let (mut term, mut sum) = (x, x);
+        for n in 1..200 {
+            term *= 2.0 * x * x / f64::from(2 * n + 1);
+            sum += term;
+        }
+        0.5 + sum * (-x * x).exp() / std::f64::consts::PI.sqrt()
+    };
+    let (mut low, mut high) = (-6.0, 6.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if cumulative(middle) < p { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// Janati et al., "Entropic optimal transport between unbalanced Gaussian measures has a closed form", NeurIPS 2020,
+/// theorem 1 in one dimension, for the cost |x - y|^2/2 and epsilon = sigma^2.
+fn gaussian_divergence(a: f64, b: f64, distance: f64, epsilon: f64) -> f64 {
+    let transport = |a: f64, b: f64| {
+        let d = (4.0 * a * a * b * b + epsilon * epsilon).sqrt();
+        0.5 * (a * a + b * b - d + epsilon * (1.0 - (2.0 * epsilon).ln()) + epsilon * (d + epsilon).ln())
+    };
+    0.5 * distance * distance + transport(a, b) - 0.5 * (transport(a, a) + transport(b, b))
+}
+
+#[test]
+fn gaussians_follow_their_closed_form() {
+    // The base hardly matters at alpha = .001: what remains is the value axis.
+    let parameters = parameters(GroundCost::SquaredDistance, 0.001, 0.1, 0.99);
+    let grid = grid(8, 10, 25);
+    let quantiles: Vec<f64> = (0..2000).map(|k| normal_quantile((f64::from(k) + 0.5) / 2000.0)).collect();
+    let gaussian = |mean: f64, deviation: f64| quantiles.iter().map(|q| mean + deviation * q).collect::<Vec<_>>();
+    for (a, b, distance) in [(0.3, 0.3, 0.2), (0.2, 0.4, 0.0), (0.1, 0.15, 0.5)] {
+        let found = between(&parameters, grid, &gaussian(1.0, a), &gaussian(1.0 + distance, b));
+        let expected = gaussian_divergence(a, b, distance, 0.01);
+        println!("{a} {b} {distance}: {found} {expected}");
+        assert!((found / expected - 1.0).abs() < 0.01, "{a} {b} {distance}: {found} {expected}");
+    }
+}
+
+#[test]
+fn relabelled_cells_change_nothing() {
+    let grid = grid(5, 5, 12);
+    let (a, b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
+    let expected = between(&study(), grid, &a, &b);
+    // theta_i and theta_o exchanged; phi_d backwards; everything backwards.
+    let exchanged = |w: &[f64]| (0..300).map(|k| w[(k / 12 % 5 * 5 + k / 60) * 12 + k % 12]).collect::<Vec<_>>();
+    let mirrored = |w: &[f64]| w.chunks(12).flat_map(|row| row.iter().rev().copied()).collect::<Vec<_>>();
+    let backwards = |w: &[f64]| w.iter().rev().copied().collect::<Vec<_>>();
+    for found in [
+        between(&study(), grid, &exchanged(&a), &exchanged(&b)),
+        between(&study(), grid, &mirrored(&a), &mirrored(&b)),
+        between(&study(), grid, &backwards(&a), &backwards(&b)),
+    ] {
+        assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+    }
+}
+
+#[test]
+fn equal_is_zero_and_swapped_is_the_same() {
+    let grid = grid(6, 6, 16);
+    for parameters in [study(), parameters(GroundCost::Distance, 0.1, 0.05, 0.8)] {
+        for (a, b) in PAIRS {
+            let (a, b) = (a.graph(grid, fourth_root), b.graph(grid, fourth_root));
+            assert_eq!(between(&parameters, grid, &a, &a), 0.0);
+            let (there, back) = (between(&parameters, grid, &a, &b), between(&parameters, grid, &b, &a));
+            assert!((there - back).abs() <= 1e-12 * there.abs(), "{there} {back}");
+        }
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    let grid = grid(9, 9, 20);
+    let (a, b) = (PAIRS[1].0.graph(grid, fourth_root), PAIRS[1].1.graph(grid, fourth_root));
+    for parameters in [study(), parameters(GroundCost::Distance, 0.1, 0.05, 0.5)] {
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| between(&parameters, grid, &a, &b).to_bits())
+        };
+        assert_eq!(with(1), with(2));
+    }
+}
+
+#[test]
+fn extreme_tables_give_finite_numbers() {
+    let grid = grid(4, 4, 10);
+    let glossy = PAIRS[1].0.graph(grid, |t| t);
+    let mut mirror = vec![0.01; 160];
+    mirror[77] = 1e5;
+    let tables = [vec![0.0; 160], vec![0.3; 160], vec![1e-300; 160], mirror, glossy];
+    for parameters in [
+        study(),
+        parameters(GroundCost::SquaredDistance, 0.1, 0.01, 0.9),
+        parameters(GroundCost::SquaredDistance, 1.0, 0.01, 0.8),
+        parameters(GroundCost::Distance, 0.1, 0.05, 0.8),
+    ] {
+        for a in &tables {
+            for b in &tables {
+                let found = between(&parameters, grid, a, b);
+                let expected = brute_force(&parameters, grid, a, b);
+                assert!(found.is_finite());
+                assert!((found - expected).abs() <= 0.01 * expected.abs() + 1e-12, "{found} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn cells_that_one_side_lacks_are_left_out_of_both() {
+    let grid = grid(6, 6, 16);
+    let (mut a, mut b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
+    let lacks = |modulus: usize| (0..576).map(|k| k % modulus != 3).collect::<Vec<_>>();
+    let (mask_a, mask_b) = (lacks(7), lacks(5));
+    // Whatever stands in a masked cell is ignored.
+    (0..576).filter(|&k| !mask_a[k]).for_each(|k| a[k] = f64::NAN);
+    (0..576).filter(|&k| !mask_b[k]).for_each(|k| b[k] = f64::INFINITY);
+    let prepare = |values: &[f64], mask: &[bool]| PreparedChannel::new(&study(), grid, values, Some(mask)).unwrap();
+    let found = divergence(&study(), &prepare(&a, &mask_a), &prepare(&b, &mask_b)).unwrap();
+    let both: Vec<bool> = mask_a.iter().zip(&mask_b).map(|(a, b)| *a && *b).collect();
+    assert_eq!(found, divergence(&study(), &prepare(&a, &both), &prepare(&b, &both)).unwrap());
+    let common = |values: &[f64]| -> Vec<_> {
+        pairs::points(grid, 0.1, values).into_iter().zip(&both).filter(|(_, both)| **both).map(|(x, _)| x).collect()
+    };
+    let expected = pairs::divergence(2, 0.05, 0.8, &common(&a), &common(&b));
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+
+    let none: Vec<bool> = mask_a.iter().map(|valid| !valid).collect();
+    let nothing_common =
+        divergence(&study(), &prepare(&PAIRS[0].0.graph(grid, f64::sqrt), &none), &prepare(&a, &mask_a));
+    assert_eq!(nothing_common, Err(TransportError::NoCommonCell));
+}
+
+#[test]
+fn bad_input_is_named() {
+    let grid = grid(4, 4, 10);
+    let prepare = |values: &[f64], mask: Option<&[bool]>| PreparedChannel::new(&study(), grid, values, mask);
+    let ok = prepare(&[0.1; 160], None).unwrap();
+    assert_eq!(prepare(&[0.1; 160], Some(&[false; 160])).unwrap_err(), TransportError::NoValidCell);
+    let short = TransportError::Length { what: "values", found: 159, expected: 160 };
+    assert_eq!(prepare(&[0.1; 159], None).unwrap_err(), short);
+    let mut values = [0.1; 160];
+    values[9] = f64::NAN;
+    assert!(matches!(prepare(&values, None), Err(TransportError::NotFinite { cell: 9, .. })));
+    values[9] = 1e300;
+    assert!(matches!(prepare(&values, None), Err(TransportError::ValueTooLarge { cell: 9, .. })));
+    let finer = parameters(GroundCost::SquaredDistance, 0.1, 0.02, 0.8);
+    assert_eq!(divergence(&finer, &ok, &ok), Err(TransportError::Mismatch));
+
+    let new = |alpha, blur, scaling| SinkhornParameters::new(GroundCost::SquaredDistance, alpha, blur, scaling);
+    for (parameters, name) in [
+        (new(0.0, 0.05, 0.8), "alpha"),
+        (new(0.1, -1.0, 0.8), "blur"),
+        (new(0.1, f64::NAN, 0.8), "blur"),
+        (new(0.1, 0.05, 1.0), "scaling"),
+        (new(0.1, 0.05, 0.0), "scaling"),
+    ] {
+        let message = parameters.unwrap_err().to_string();
+        assert!(message.starts_with(name), "{message}");
+    }
+    let none = Accuracy { values_per_blur: 0, base_nodes: 4 };
+    assert!(matches!(study().with_accuracy(none), Err(TransportError::Parameter { .. })));
+}
+
+/// Against differences of the divergence itself. The extreme values stay, and with them the epsilons.
+#[test]
+fn gradient_agrees_with_finite_differences() {
+    let grid = grid(6, 6, 16);
+    let mut seed = 1u64;
+    let mut random = move || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    for (a, b) in PAIRS {
+        let (a, b) = (a.graph(grid, fourth_root), b.graph(grid, fourth_root));
+        let prepare = |values: &[f64]| PreparedChannel::new(&study(), grid, values, None).unwrap();
+        let reference = prepare(&a);
+        let (value, gradient) = divergence_and_gradient(&study(), &reference, &prepare(&b)).unwrap();
+        assert_eq!(value, divergence(&study(), &reference, &prepare(&b)).unwrap());
+        let extreme = |w: f64| b.iter().all(|x| *x <= w) || b.iter().all(|x| *x >= w);
+        let direction: Vec<f64> = b.iter().map(|&w| if extreme(w) { 0.0 } else { random() }).collect();
+        let moved = |step: f64| {
+            let b: Vec<f64> = b.iter().zip(&direction).map(|(w, d)| w + step * d).collect();
+            divergence(&study(), &reference, &prepare(&b)).unwrap()
+        };
+        let step = 1e-6;
+        let expected = (moved(step) - moved(-step)) / (2.0 * step);
+        let found: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+        let scale = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+        println!("{found:e} {expected:e} {scale:e}");
+        assert!((found - expected).abs() < 1e-3 * scale, "{found:e} {expected:e} {scale:e}");
+    }
+}
+
+#[test]
+fn a_step_against_the_gradient_reduces_the_divergence() {
+    let grid = grid(6, 6, 16);
+    let (a, b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
+    let prepare = |values: &[f64]| PreparedChannel::new(&study(), grid, values, None).unwrap();
+    let reference = prepare(&a);
+    let (value, gradient) = divergence_and_gradient(&study(), &reference, &prepare(&b)).unwrap();
+    let square: f64 = gradient.iter().map(|g| g * g).sum();
+    let step = 0.1 * value / square;
+    let nearer: Vec<f64> = b.iter().zip(&gradient).map(|(w, g)| w - step * g).collect();
+    let reduced = divergence(&study(), &reference, &prepare(&nearer)).unwrap();
+    assert!((0.8 * value..0.95 * value).contains(&reduced), "{value:e} {reduced:e}");
+}
+
+#[test]
+fn direct_sums_have_no_gradient() {
+    let parameters = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
+    let grid = grid(2, 2, 4);
+    let prepare = |value: f64| PreparedChannel::new(&parameters, grid, &[value; 16], None).unwrap();
+    let refused = divergence_and_gradient(&parameters, &prepare(0.1), &prepare(0.2));
+    assert_eq!(refused, Err(TransportError::NoGradient));
 }

@@ -240,6 +240,9 @@ impl Rows {
     }
 
     fn clear(&mut self) {
+        if self.touched.is_empty() {
+            return;
+        }
         for array in [&mut self.mass, &mut self.excess] {
             array.chunks_exact_mut(self.columns).for_each(|row| row[self.touched.clone()].fill(0.0));
         }

@@ -16,9 +16,12 @@ pub mod records;
 pub mod study_benchmark;
 pub mod sweep;
 
+use crate::brdf::BrdfError;
+use crate::dataset::samples::SamplesError;
 use crate::dataset::split::SplitError;
 use crate::math::correlation::CorrelationError;
 use crate::math::logistic::LogisticError;
+use crate::metric::MetricError;
 use crate::train::TrainError;
 use thiserror::Error;
 
@@ -46,13 +49,13 @@ pub enum EvaluationError {
     #[error("no column is called {name} among the {columns} of the samples")]
     UnknownColumn { name: String, columns: usize },
     #[error(transparent)]
-    Samples(#[from] crate::dataset::samples::SamplesError),
+    Samples(#[from] SamplesError),
     #[error(transparent)]
-    Open(#[from] crate::brdf::BrdfError),
+    Open(#[from] BrdfError),
     #[error("{reference} against {candidate}: {source}")]
-    Metric { reference: String, candidate: String, source: crate::metric::MetricError },
+    Metric { reference: String, candidate: String, source: Box<MetricError> },
     #[error("{notation}: {source}")]
-    Table { notation: String, source: crate::metric::MetricError },
+    Table { notation: String, source: Box<MetricError> },
     #[error("no metric is called {name}; judged are {judged}")]
     UnknownMetric { name: String, judged: String },
 }

@@ -99,7 +99,10 @@ impl GraphDistances<'_> {
         candidate: &OpenBrdf,
     ) -> Result<(Vec<f64>, Vec<CacheWarning>), MatrixError> {
         let names = (reference.open.notation.clone(), candidate.notation.clone());
-        let failed = |source| MatrixError::Graph { reference: names.0.clone(), candidate: names.1.clone(), source };
+        let failed = |source| {
+            let (reference, candidate) = names.clone();
+            MatrixError::Graph { reference, candidate, source: Box::new(source) }
+        };
         let mut candidate = Tables::new(candidate, "candidate");
         let (mut values, mut warnings) = (Vec::with_capacity(self.metrics.len()), Vec::new());
         for graph in self.metrics.iter().filter_map(|m| m.as_graph()) {

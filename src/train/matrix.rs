@@ -31,9 +31,9 @@ pub enum MatrixError {
     #[error(transparent)]
     Open(#[from] BrdfError),
     #[error("{reference} against {candidate}: {source}")]
-    Lp { reference: String, candidate: String, source: MetricError },
+    Lp { reference: String, candidate: String, source: Box<MetricError> },
     #[error("{reference} against {candidate}: {source}")]
-    Graph { reference: String, candidate: String, source: MetricError },
+    Graph { reference: String, candidate: String, source: Box<MetricError> },
     #[error(transparent)]
     Samples(#[from] SamplesError),
     #[error("the distances of {found} pairs were computed, expected {expected}")]
@@ -145,7 +145,7 @@ impl MatrixBuilder<'_> {
         }
         let failed = |source| {
             let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
-            MatrixError::Lp { reference, candidate, source }
+            MatrixError::Lp { reference, candidate, source: Box::new(source) }
         };
         let prepared = match evaluated {
             Some(prepared) => prepared,

@@ -83,7 +83,7 @@ pub fn compute(
 ) -> Result<Outcome, EvaluationError> {
     let failed = |index: usize| {
         let (reference, candidate) = tables.notations(index);
-        move |source: MetricError| EvaluationError::Metric { reference, candidate, source }
+        move |source: MetricError| EvaluationError::Metric { reference, candidate, source: Box::new(source) }
     };
     let metric = registry.get(&combination.to_string()).map_err(failed(0))?;
     let graph = metric.as_graph().ok_or_else(|| EvaluationError::UnknownMetric {

@@ -85,6 +85,7 @@ impl StudyTables {
 fn make(source: &BrdfSource, grid: GraphGrid, base: Option<&Path>) -> Result<CompactTable, EvaluationError> {
     let open = source.open(base)?;
     let table = CosineTable::of(open.brdf.as_ref(), grid, "the BRDF");
-    let table = table.map_err(|source| EvaluationError::Table { notation: open.notation.clone(), source })?;
+    let named = |source| EvaluationError::Table { notation: open.notation.clone(), source: Box::new(source) };
+    let table = table.map_err(named)?;
     Ok(CompactTable::new(&table))
 }

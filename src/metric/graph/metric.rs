@@ -5,6 +5,9 @@ use crate::brdf::Brdf;
 use crate::metric::{DifferentiableMetric, Metric, MetricError, PreparedMetric, TableGradient};
 use std::sync::Arc;
 
+/// For each channel (R, G, B) the divergence, and its derivatives with respect to the candidate's f cos theta_i, one a cell.
+pub type ChannelGradients = [(f64, Vec<f64>); 3];
+
 /// A metric that compares the graphs of two BRDFs, channel by channel.
 pub trait GraphMetric: Metric {
     /// The cells that are compared.
@@ -28,15 +31,15 @@ pub trait GraphMetric: Metric {
     /// Tables on different grids, no cell in common, values that are too large for a finite divergence.
     fn channels(&self, reference: &CosineTable, candidate: &CosineTable) -> Result<[f64; 3], MetricError>;
 
-    /// For each channel the divergence and its derivatives with respect to the candidate's f cos theta_i, one a cell; `None`
-    /// for a metric that has none.
+    /// The divergences with their gradients.
+    ///
+    /// # Errors
+    /// Those of [`GraphMetric::channels`]; [`MetricError::NoGradient`] where there is none.
     fn channel_gradients(
         &self,
-        _reference: &CosineTable,
-        _candidate: &CosineTable,
-    ) -> Option<Result<[(f64, Vec<f64>); 3], MetricError>> {
-        None
-    }
+        reference: &CosineTable,
+        candidate: &CosineTable,
+    ) -> Result<ChannelGradients, MetricError>;
 }
 
 /// (W_r^+ + W_g^+ + W_b^+)^gamma, the scalar of the study.
@@ -79,8 +82,7 @@ impl<M: GraphMetric> DifferentiableMetric for PreparedGraph<'_, M> {
     fn gradient(&self, candidate: &dyn Brdf) -> Result<TableGradient, MetricError> {
         let (metric, grid) = (self.metric, self.metric.grid());
         let candidate = CosineTable::of(candidate, grid, "candidate")?;
-        let channels = metric.channel_gradients(&self.reference, &candidate);
-        let channels = channels.unwrap_or_else(|| Err(MetricError::NoGradient { metric: metric.name().to_owned() }))?;
+        let channels = metric.channel_gradients(&self.reference, &candidate)?;
         let sum: f64 = channels.iter().map(|(w, _)| w.max(0.0)).sum();
         let value = combine(metric.name(), [0, 1, 2].map(|c| channels[c].0), metric.gamma())?;
         // The slope of s^gamma; where nothing differs, every direction is as good.

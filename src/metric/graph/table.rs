@@ -237,7 +237,7 @@ fn nearest_valid(valid: &[bool], shape: [usize; 3]) -> Vec<u32> {
         let stride: usize = shape[axis + 1..].iter().product();
         let n = shape[axis];
         let mut line = vec![NONE; n];
-        for start in (0..valid.len()).filter(|cell| cell / stride % n == 0) {
+        for start in (0..valid.len()).filter(|cell| (cell / stride).is_multiple_of(n)) {
             (0..n).for_each(|k| line[k] = source[start + k * stride]);
             let known: Vec<usize> = (0..n).filter(|k| line[*k] != NONE).collect();
             for k in (0..n).filter(|k| line[*k] == NONE) {
@@ -280,8 +280,8 @@ mod tests {
             for cell in 0..grid.len() {
                 let (wi, wo) = directions.get(cell);
                 let expected = brdf.eval(wi, wo).unwrap();
-                for c in 0..3 {
-                    assert!((table.channel(c)[cell] / (expected[c] * wi.z) - 1.0).abs() < 1e-9);
+                for (c, expected) in expected.iter().enumerate() {
+                    assert!((table.channel(c)[cell] / (expected * wi.z) - 1.0).abs() < 1e-9);
                 }
             }
         }

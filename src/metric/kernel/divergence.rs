@@ -236,7 +236,8 @@ mod tests {
     #[test]
     fn the_lattice_agrees_with_the_direct_sum() {
         let ward = Ward::new([0.01; 3], [0.9; 3], 0.22, WardForm::Ward).unwrap();
-        let pairs: [(&str, Box<dyn Brdf>, Box<dyn Brdf>); 6] = [
+        type Named = (&'static str, Box<dyn Brdf>, Box<dyn Brdf>);
+        let pairs: [Named; 6] = [
             ("rougher", ggx(0.2, 0.04, 0.1), ggx(0.2, 0.04, 0.12)),
             ("metal", ggx(0.01, 0.9, 0.02), ggx(0.01, 0.9, 0.03)),
             ("near", ggx(0.2, 0.1, 0.2), ggx(0.2, 0.1, 0.2002)),

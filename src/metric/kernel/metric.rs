@@ -3,7 +3,7 @@
 use super::divergence::{DIRECT, Pair, Setting};
 use super::mixture::Kernel;
 use crate::brdf::Brdf;
-use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
+use crate::metric::graph::{ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
 use std::sync::Arc;
 
@@ -147,7 +147,7 @@ impl GraphMetric for KernelMetric {
         &self,
         reference: &CosineTable,
         candidate: &CosineTable,
-    ) -> Option<Result<[(f64, Vec<f64>); 3], MetricError>> {
-        Some(self.pairs(reference, candidate, |c, pair| (pair.divergence(), pair.gradient(candidate.channel(c)))))
+    ) -> Result<ChannelGradients, MetricError> {
+        self.pairs(reference, candidate, |c, pair| (pair.divergence(), pair.gradient(candidate.channel(c))))
     }
 }

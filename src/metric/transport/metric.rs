@@ -4,7 +4,7 @@ use super::{
     Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence, divergence_and_gradient,
 };
 use crate::brdf::Brdf;
-use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
+use crate::metric::graph::{ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
 use std::sync::Arc;
 
@@ -209,12 +209,12 @@ impl GraphMetric for TransportMetric {
         &self,
         reference: &CosineTable,
         candidate: &CosineTable,
-    ) -> Option<Result<[(f64, Vec<f64>); 3], MetricError>> {
-        Some(self.each_channel(reference, candidate, |channel, a, b| {
+    ) -> Result<ChannelGradients, MetricError> {
+        self.each_channel(reference, candidate, |channel, a, b| {
             let (value, mut slopes) = divergence_and_gradient(&self.parameters, a, b)?;
             let values = candidate.channel(channel);
             slopes.iter_mut().zip(values).for_each(|(slope, t)| *slope *= self.tone.derivative(*t));
             Ok((value, slopes))
-        }))
+        })
     }
 }

@@ -9,6 +9,7 @@ mod describe;
 mod fit;
 mod metrics;
 mod progress;
+mod refit;
 mod score;
 #[cfg(feature = "train")]
 mod train;
@@ -66,6 +67,8 @@ enum Command {
     Score(score::ScoreArgs),
     /// Fit a model to a BRDF, with any metric as the loss.
     Fit(fit::FitArgs),
+    /// Rebuild the candidates of a study from its references.
+    Refit(refit::RefitArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -137,6 +140,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Compare(args) => compare::run(&cli.shared, args),
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),
+        Command::Refit(args) => refit::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Data(args) => data::run(&cli.shared, args),

@@ -107,15 +107,15 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
     Ok(())
 }
 
-/// Mistakes of the user are those of settings, models and BRDFs: all but a failed write.
-fn named(error: FitError) -> anyhow::Error {
+/// The error of a fit as one of the command line: all but a failed write are the user's to mend.
+pub fn named(error: FitError) -> anyhow::Error {
     match error {
         FitError::Write { .. } => anyhow!(error),
         _ => user_error(error),
     }
 }
 
-fn one_metric(name: &str) -> Result<Arc<dyn Metric>> {
+pub fn one_metric(name: &str) -> Result<Arc<dyn Metric>> {
     let mut found = workspace::metrics(&[name.to_owned()])?;
     match (found.pop(), found.is_empty()) {
         (Some(metric), true) => Ok(metric),
@@ -143,7 +143,7 @@ fn start(text: &str, model: &str) -> Result<Start> {
 }
 
 /// The folder and the name of the file to write; found unwritable before the work.
-pub fn output(path: &Path) -> Result<(OutputFolder, String)> {
+fn output(path: &Path) -> Result<(OutputFolder, String)> {
     let name = path.file_name().and_then(|n| n.to_str()).filter(|n| n.ends_with(".json") && !path.is_dir());
     let name =
         name.ok_or_else(|| user_error(format!("--out {}: allowed: the name of a .json file", path.display())))?;

@@ -9,6 +9,7 @@ mod describe;
 mod fit;
 mod metrics;
 mod progress;
+mod refit;
 mod score;
 mod study;
 mod sweep;
@@ -70,6 +71,8 @@ enum Command {
     Sweep(sweep::SweepArgs),
     /// Fit a model to a BRDF, with any metric as the loss.
     Fit(fit::FitArgs),
+    /// Rebuild the candidates of a study from its references.
+    Refit(refit::RefitArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -144,6 +147,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),
+        Command::Refit(args) => refit::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),

@@ -1,11 +1,11 @@
 //! Models that are read off a reference instead of being searched for.
 //!
 //! `dupuy`, `dupuy-ggx` and `dupuy-beckmann`: facets from the light that comes straight back, by the power iteration of
-//! [`Dupuy::from_retroreflection`], and the GGX and Beckmann surfaces of the same roughness. The metric takes no part; its
-//! distance is only reported.
+//! [`Dupuy::from_retroreflection`], and the GGX and Beckmann surfaces of the same roughness. `rational-*`: by quadratic
+//! programming ([`rational`]). The metric takes no part in either; its distance is only reported.
 
 use super::optimizer::StopReason;
-use super::{FitError, Fitted};
+use super::{FitError, Fitted, rational};
 use crate::brdf::Brdf;
 use crate::brdf::models::{AnalyticBrdf, Dupuy, ModelError};
 use crate::metric::Metric;
@@ -17,23 +17,31 @@ const BECKMANN: &str = "dupuy-beckmann";
 
 /// Whether [`fit`] knows the model.
 pub fn is_direct(model: &str) -> bool {
-    [TABULATED, GGX, BECKMANN].contains(&model)
+    [TABULATED, GGX, BECKMANN].contains(&model) || is_rational(model)
+}
+
+fn is_rational(model: &str) -> bool {
+    model.starts_with("rational-") && !model.contains('+')
 }
 
 /// The model that the reference itself gives.
 ///
 /// # Errors
-/// [`FitError::Model`] where the reference sends no light straight back, or the roughness is out of bounds; those of the
-/// metric.
+/// [`FitError::Model`] where the reference sends no light straight back, or the roughness is out of bounds;
+/// [`FitError::Infeasible`]; those of the metric.
 pub fn fit(model: &str, metric: &dyn Metric, reference: &dyn Brdf) -> Result<Fitted, FitError> {
-    let fitted = extracted(model, reference).map_err(FitError::Model)?;
+    let (fitted, method) = if is_rational(model) {
+        (rational::fit(model, reference)?, "quadratic-programming")
+    } else {
+        (extracted(model, reference).map_err(FitError::Model)?, "power-iteration")
+    };
     let value = metric.distance(reference, &*fitted)?;
     Ok(Fitted {
         model: fitted,
         value_at_start: value,
         value,
         stop: StopReason::Direct,
-        method: "power-iteration",
+        method,
         start: "none",
         evaluations: 1,
         polish_evaluations: 0,

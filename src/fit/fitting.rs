@@ -39,7 +39,7 @@ const TOLERANCE: f64 = 1e-3;
 const LEARNED_TOLERANCE: f64 = 1e-2;
 const POLISH_TOLERANCE: f64 = 1e-4;
 /// Evaluations of a polish: those under the whole metric are dear.
-const POLISH_EVALUATIONS: usize = 16;
+const POLISH_EVALUATIONS: usize = 8;
 /// A random start moves every coordinate by up to so much.
 const SCATTER: f64 = 1.0;
 

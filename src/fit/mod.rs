@@ -3,20 +3,26 @@
 //! [`Fitting`] says how: model, metric, start, method, budget; [`Fitting::run`] gives a [`Fitted`], which [`FitFile`] keeps.
 //! Underneath: [`loss`] makes a function of the model out of a metric and its reference, [`Space`] gives the parameters
 //! coordinates in which steps are alike, [`start`] finds where to begin, [`optimizer`] searches. Models that are read off a
-//! reference, not searched, are in [`direct`].
+//! reference, not searched, are in [`direct`] and [`rational`]. [`refit`] makes the candidates of a study anew; [`manifold`]
+//! makes candidates that belong to no model.
 
 pub mod direct;
 mod fitting;
+mod least_distance;
 pub mod loss;
+pub mod manifold;
 pub mod optimizer;
+pub mod rational;
+pub mod refit;
 mod result_file;
 mod space;
 pub mod start;
 
 pub use fitting::{Fitted, Fitting, Start};
-pub use result_file::{FitFile, MetricUsed};
+pub use result_file::{FitFile, MetricUsed, ReferenceUsed};
 pub use space::Space;
 
+use crate::brdf::BrdfError;
 use crate::brdf::models::{MODELS, ModelError};
 use crate::metric::MetricError;
 use thiserror::Error;
@@ -36,6 +42,10 @@ pub enum FitError {
     NoGradient { what: String },
     #[error("the start cannot be used: {reason}")]
     Start { reason: String },
+    #[error("{material}: {cause}")]
+    Reference { material: String, cause: Box<BrdfError> },
+    #[error("{model}: no such function stays within {:.0} % of every {channel} value of the reference", 100.0 * width)]
+    Infeasible { model: String, channel: &'static str, width: f64 },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
 }

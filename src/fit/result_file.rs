@@ -7,7 +7,7 @@
 //! reference    {source, sha256}: what was fitted
 //! metric       {name, version}: the loss; the version is that of the learned metric, or of this program
 //! value_at_start, value   the metric's distance
-//! start, optimizer, seed, starts, grid   how it was searched; grid is the coarsening
+//! start, optimizer, seed, starts, grid, max_evaluations   how it was searched; grid is the coarsening
 //! stop         converged, no-descent, evaluation-limit or direct
 //! evaluations, polish_evaluations
 //! history      [[evaluations, loss of the search], ...]: improvements
@@ -16,12 +16,15 @@
 //!
 //! It is a BRDF source wherever one is accepted: the reader of model files takes `model` and `parameters`.
 
-use super::{FitError, Fitted, Fitting};
+use super::{FitError, Fitted, Fitting, direct};
 use crate::brdf::formats::model_json::FIT_FORMAT;
 use crate::brdf::models::AnalyticBrdf;
 use crate::metric::Metric;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
+use std::path::Path;
+
+const PROGRAM: &str = concat!("vernis ", env!("CARGO_PKG_VERSION"));
 
 /// The loss of a fit.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,6 +66,7 @@ pub struct FitFile {
     pub seed: u64,
     pub starts: usize,
     pub grid: usize,
+    pub max_evaluations: Option<usize>,
     pub stop: super::optimizer::StopReason,
     pub evaluations: usize,
     pub polish_evaluations: usize,
@@ -86,12 +90,31 @@ impl FitFile {
             seed: fitting.seed,
             starts: fitting.starts,
             grid: fitting.coarsening,
+            max_evaluations: fitting.max_evaluations,
             stop: fitted.stop,
             evaluations: fitted.evaluations,
             polish_evaluations: fitted.polish_evaluations,
             history: fitted.history.iter().map(|h| (h.evaluations, h.value)).collect(),
-            program: concat!("vernis ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: PROGRAM.to_owned(),
         }
+    }
+
+    /// Reads a file; `None` if it is none, or is of another format or program.
+    pub fn read(path: &Path) -> Option<Self> {
+        let file: Self = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+        (file.format == FIT_FORMAT && file.program == PROGRAM).then_some(file)
+    }
+
+    /// Whether fitting the reference with that content in this way gave this file.
+    pub fn is_result_of(&self, fitting: &Fitting<'_>, sha256: &str) -> bool {
+        let searched = self.optimizer == fitting.method.name()
+            && fitting.start.as_ref().is_none_or(|s| self.start == s.name())
+            && (self.seed, self.starts, self.grid) == (fitting.seed, fitting.starts, fitting.coarsening)
+            && self.max_evaluations == fitting.max_evaluations;
+        self.model == fitting.model
+            && self.reference.sha256 == sha256
+            && self.metric == MetricUsed::of(fitting.metric)
+            && (searched || direct::is_direct(fitting.model))
     }
 
     /// The text of the file, ending in a line break.

@@ -7,6 +7,7 @@ pub mod color;
 pub mod coordinates;
 pub mod correlation;
 pub mod dual;
+pub mod eigen;
 pub mod erf;
 pub mod layers;
 pub mod least_squares;

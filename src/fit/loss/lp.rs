@@ -179,7 +179,8 @@ mod tests {
                 let variant: LpVariant = name.parse().unwrap();
                 let value = |n| LpLoss::new(&reference, variant, n).unwrap().unwrap().value(&candidate).unwrap();
                 let (all, few) = (value(1), value(3));
-                assert!((few / all - 1.0).abs() < 0.02, "{name} {alpha}: {few} {all}");
+                // Towards 80 degrees values grow by tenths from one degree to the next.
+                assert!((few / all - 1.0).abs() < 0.04, "{name} {alpha}: {few} {all}");
             }
         }
     }

@@ -1,0 +1,147 @@
+//! `vernis refit`: the candidates of a study, made anew from its references.
+
+use super::progress::Bar;
+use super::{Shared, fit, print, user_error, workspace};
+use crate::dataset::Study;
+use crate::fit::FitError;
+use crate::fit::optimizer::StopReason;
+use crate::fit::refit::{METHODS, Outcome, Refit, Refitting};
+use crate::report::OutputFolder;
+use anyhow::Result;
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Rebuild the candidates of a study from its references.
+#[derive(Args)]
+#[command(after_help = "\
+Writes one model file a fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Fits whose file is there and has the
+same settings are not made again. Ratings belong to the published fits: a refitted candidate carries none.
+
+Examples:
+  vernis refit --study lavoue2021-open --data DIR --out refits
+  vernis refit --study pairs.csv --method WARD --method GGX --out refits")]
+pub struct RefitArgs {
+    /// A study by name, or a CSV file.
+    #[arg(long, value_name = "NAME|CSV")]
+    study: String,
+    /// A method of the study; may be given several times [default: all].
+    #[arg(long, value_name = "NAME")]
+    method: Vec<String>,
+    /// The loss of the fits that have one.
+    #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
+    metric: String,
+    /// Cells of the metric to a cell of the search, along each axis.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    grid: usize,
+    /// Folder to write to.
+    #[arg(long, short, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
+    let metric = fit::one_metric(&args.metric)?;
+    let methods = methods(&args.method)?;
+    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    if metric.as_learned().is_some() {
+        workspace::prepare(std::slice::from_ref(&metric), workspace::cache(shared)?.as_ref());
+    }
+    let bar = Bar::new();
+    let write = |name: &str, text: &str| {
+        folder.write(name, text.as_bytes()).map(drop).map_err(|e| FitError::Write { reason: e.to_string() })
+    };
+    let refitting = Refitting {
+        metric: &*metric,
+        methods,
+        coarsening: args.grid,
+        base: shared.data.as_deref(),
+        folder: &args.out,
+        write: &write,
+        progress: &|progress| bar.update("fits", progress),
+    };
+    let all = refitting.run(&study);
+    bar.finish();
+    let all = all.map_err(fit::named)?;
+    folder.write("refit.csv", &to_csv(&all)?)?;
+    let table = to_markdown(&all, metric.name());
+    folder.write("refit.md", table.as_bytes())?;
+    print(format!("{table}\n{}\n", args.out.join("refit.csv").display()))
+}
+
+fn methods(names: &[String]) -> Result<Vec<(&'static str, &'static str)>> {
+    if names.is_empty() {
+        return Ok(METHODS.to_vec());
+    }
+    let known = || METHODS.map(|(name, _)| name).join(", ");
+    let find = |name: &String| {
+        METHODS
+            .into_iter()
+            .find(|(known, _)| known.eq_ignore_ascii_case(name))
+            .ok_or_else(|| user_error(format!("--method: found {name}, allowed: {}", known())))
+    };
+    names.iter().map(find).collect()
+}
+
+fn state(outcome: &Outcome) -> &'static str {
+    match outcome {
+        Outcome::None(_) => "none",
+        Outcome::Fitted(file) | Outcome::Kept(file) => file.stop.name(),
+    }
+}
+
+fn to_csv(all: &[Refit]) -> Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(["material", "method", "model", "metric", "value", "stop", "evaluations", "file", "reason"])?;
+    for r in all {
+        let file = r.outcome.file();
+        let text = |of: &dyn Fn(&crate::fit::FitFile) -> String| file.map(of).unwrap_or_default();
+        let reason = if let Outcome::None(reason) = &r.outcome { reason.as_str() } else { "" };
+        writer.write_record([
+            r.material.as_str(),
+            r.method,
+            r.model,
+            &text(&|f| f.metric.name.clone()),
+            &text(&|f| f.value.to_string()),
+            state(&r.outcome),
+            &text(&|f| (f.evaluations + f.polish_evaluations).to_string()),
+            if file.is_some() { r.file.as_str() } else { "" },
+            reason,
+        ])?;
+    }
+    Ok(writer.into_inner().map_err(|e| e.into_error())?)
+}
+
+/// One row a method: how many fits, and the quartiles of their loss.
+fn to_markdown(all: &[Refit], metric: &str) -> String {
+    let mut by_method: BTreeMap<usize, Vec<&Refit>> = BTreeMap::new();
+    for refit in all {
+        let place = METHODS.iter().position(|(name, _)| *name == refit.method).unwrap_or(METHODS.len());
+        by_method.entry(place).or_default().push(refit);
+    }
+    let mut text = format!(
+        "| method | model | fits | not converged | none | {metric}: lower quartile | median | upper quartile |\n\
+         | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"
+    );
+    for refits in by_method.values() {
+        let files: Vec<_> = refits.iter().filter_map(|r| r.outcome.file()).collect();
+        let mut values: Vec<f64> = files.iter().map(|f| f.value).collect();
+        values.sort_by(f64::total_cmp);
+        let quartile = |q: usize| match values.len() {
+            0 => "-".to_owned(),
+            n => format!("{:.4}", values[(n - 1) * q / 4]),
+        };
+        let unfinished = files.iter().filter(|f| f.stop == StopReason::EvaluationLimit).count();
+        text += &format!(
+            "| {} | {} | {} | {unfinished} | {} | {} | {} | {} |\n",
+            refits[0].method,
+            refits[0].model,
+            files.len(),
+            refits.len() - files.len(),
+            quartile(1),
+            quartile(2),
+            quartile(3)
+        );
+    }
+    text + "\nRatings belong to the published fits: these candidates carry none.\n"
+}

@@ -178,7 +178,6 @@ fn direction(dimension: usize, seed: u64, reference: usize) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::brdf::models::{BlinnPhong, Ggx, Ward, WardForm};
-    use crate::metric::Metric;
     use crate::metric::registry::Registry;
 
     const GRID: Grid = Grid::HalfDifference { theta_h: 20, theta_d: 10, phi_d: 20 };

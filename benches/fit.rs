@@ -79,7 +79,13 @@ fn fit() {
 fn main() {
     let angle = |k: usize, n: usize, span: f64| (k as f64 + 0.5) / n as f64 * span;
     let directions: Vec<_> = (0..16_384)
-        .map(|k| standard_directions(angle(k % 16, 16, 1.5), angle(k / 16 % 16, 16, 1.5), angle(k / 256, 64, 6.28)))
+        .map(|k| {
+            standard_directions(
+                angle(k % 16, 16, 1.5),
+                angle(k / 16 % 16, 16, 1.5),
+                angle(k / 256, 64, std::f64::consts::TAU),
+            )
+        })
         .collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     pool.install(|| {

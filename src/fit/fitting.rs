@@ -8,8 +8,9 @@
 //!    of the search.
 
 use super::direct;
-use super::loss::{Blend, DifferentiableLoss, Lattice, LearnedLoss, Loss, LpLoss, MetricLoss};
-use super::optimizer::{Improvement, Limits, Method, Objective, Outcome, StopReason, minimise};
+use super::loss::{Blend, Lattice, LearnedLoss, Loss, LpLoss, MetricLoss};
+use super::objective::LossObjective;
+use super::optimizer::{Improvement, Limits, Method, Outcome, StopReason, minimise};
 use super::start::{Candidate, staged};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
@@ -101,6 +102,13 @@ pub struct Fitted {
     pub history: Vec<Improvement>,
 }
 
+/// Where the searches begin.
+struct Starts {
+    candidates: Vec<Candidate>,
+    /// The loss of the log fits that they are the results of.
+    log: Option<LpLoss>,
+}
+
 /// Called with the name of a stage and how far it is, from any thread.
 pub type Observer<'a> = &'a (dyn Fn(&'static str, Progress) + Sync);
 
@@ -127,11 +135,11 @@ impl<'a> Fitting<'a> {
         let search_metric = coarse.as_deref().unwrap_or(self.metric);
         let search = loss_of(search_metric, reference, self.coarsening)?;
         let evaluations = AtomicUsize::new(0);
-        let (starts, log) = self.starts(&space, reference, &*search, &evaluations, observer)?;
-        let first = space.build(&starts[0].parameters)?;
+        let Starts { candidates, log } = self.starts(&space, reference, &*search, &evaluations, observer)?;
+        let first = space.build(&candidates[0].parameters)?;
         let (outcome, spent) = match (&log, self.metric.as_learned()) {
-            (Some(log), Some(_)) => self.blended(&space, &starts[0], &**log, &*search, observer)?,
-            _ => self.search(&space, &starts, &*search, observer)?,
+            (Some(log), Some(_)) => self.blended(&space, &candidates[0], log, &*search, observer)?,
+            _ => self.search(&space, &candidates, &*search, observer)?,
         };
         let whole = match self.is_coarse(coarse.is_some()) {
             true => Some(loss_of(self.metric, reference, 1)?),
@@ -209,7 +217,6 @@ impl<'a> Fitting<'a> {
         Limits { max_evaluations: self.max_evaluations.unwrap_or(default), step, tolerance: TOLERANCE }
     }
 
-    /// The starts, and the loss of the log fit they come from.
     fn starts(
         &self,
         space: &Space,
@@ -217,7 +224,7 @@ impl<'a> Fitting<'a> {
         search: &dyn Loss,
         evaluations: &AtomicUsize,
         observer: Observer<'_>,
-    ) -> Result<(Vec<Candidate>, Option<Box<dyn Loss>>), FitError> {
+    ) -> Result<Starts, FitError> {
         let count = || {
             let done = evaluations.fetch_add(1, Ordering::Relaxed) + 1;
             observer("starts", Progress { done, total: 0 });
@@ -235,7 +242,7 @@ impl<'a> Fitting<'a> {
                     minimise(Method::HookeJeeves, &objective, &space.scaled(&start.parameters), limits, &|_| count())
                 };
                 let fitted = starts.par_iter().map(fit).collect::<Result<Vec<_>, _>>()?;
-                log = Some(Box::new(loss) as Box<dyn Loss>);
+                log = Some(loss);
                 fitted.into_iter().map(|o| Candidate { parameters: space.parameters(&o.x), value: o.value }).collect()
             }
             Start::Parameters(parameters) => {
@@ -250,7 +257,7 @@ impl<'a> Fitting<'a> {
             u.iter_mut().zip(space.bounds()).for_each(|(u, b)| *u = u.clamp(b.0, b.1));
             starts.push(Candidate { parameters: space.parameters(&u), value: f64::INFINITY });
         }
-        Ok((starts, log))
+        Ok(Starts { candidates: starts, log })
     }
 
     /// The best of the searches from all starts, and the evaluations of all.
@@ -353,69 +360,4 @@ fn loss_of<'a>(
         return Ok(Box::new(LearnedLoss::new(learned, reference)?));
     }
     Ok(Box::new(MetricLoss::new(metric, reference)?))
-}
-
-/// A loss in the coordinates of the search, to the power at which it is smooth where gradients are used.
-struct LossObjective<'a> {
-    space: &'a Space,
-    loss: &'a dyn Loss,
-    power: f64,
-}
-
-impl<'a> LossObjective<'a> {
-    fn new(space: &'a Space, loss: &'a dyn Loss, method: Method) -> Self {
-        let smooth = loss.as_differentiable().map_or(1.0, DifferentiableLoss::smooth_power);
-        Self { space, loss, power: if method == Method::Lbfgs { smooth } else { 1.0 } }
-    }
-
-    /// Refuses a gradient method where there is no gradient.
-    fn check(&self, method: Method) -> Result<(), FitError> {
-        if method != Method::Lbfgs {
-            return Ok(());
-        }
-        let model = self.space.build(&self.space.start())?;
-        if model.as_differentiable().is_none() {
-            return Err(FitError::NoGradient { what: format!("the model {}", self.space.model()) });
-        }
-        match self.loss.as_differentiable() {
-            Some(_) => Ok(()),
-            None => Err(FitError::NoGradient { what: format!("the metric {}", self.loss.name()) }),
-        }
-    }
-
-    fn undo_power(&self, outcome: &mut Outcome) {
-        if self.power != 1.0 {
-            let root = |value: &mut f64| *value = value.max(0.0).powf(1.0 / self.power);
-            root(&mut outcome.value);
-            outcome.history.iter_mut().for_each(|h| root(&mut h.value));
-        }
-    }
-}
-
-impl Objective for LossObjective<'_> {
-    fn bounds(&self) -> &[(f64, f64)] {
-        self.space.bounds()
-    }
-
-    fn value(&self, x: &[f64]) -> Result<f64, FitError> {
-        let value = self.loss.value(&*self.space.build(&self.space.parameters(x))?)?;
-        Ok(if self.power == 1.0 { value } else { value.powf(self.power) })
-    }
-
-    fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), FitError> {
-        let p = self.space.parameters(x);
-        let model = self.space.build(&p)?;
-        let none = |what: &str| FitError::NoGradient { what: what.to_owned() };
-        let loss = self.loss.as_differentiable().ok_or_else(|| none(self.loss.name()))?;
-        let model = model.as_differentiable().ok_or_else(|| none(self.space.model()))?;
-        let (value, mut gradient) = match loss.gradient(model) {
-            Err(MetricError::Unusable { side: "candidate", .. } | MetricError::NotFinite { .. }) => {
-                return Ok((f64::INFINITY, vec![0.0; x.len()]));
-            }
-            other => other?,
-        };
-        let outer = self.power * value.powf(self.power - 1.0);
-        gradient.iter_mut().zip(self.space.slopes(&p)).for_each(|(g, slope)| *g *= outer * slope);
-        Ok((value.powf(self.power), gradient))
-    }
 }

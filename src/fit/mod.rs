@@ -11,6 +11,7 @@ mod fitting;
 mod least_distance;
 pub mod loss;
 pub mod manifold;
+mod objective;
 pub mod optimizer;
 pub mod rational;
 pub mod refit;

@@ -4,7 +4,7 @@
 //! All three are written here: they are a page each, and what crates offer takes no bounds (the L-BFGS and the simplex of
 //! `argmin`), or wraps another language.
 //!
-//! An optimiser sees its function through a [`Run`], which counts evaluations, remembers the best point whatever happens
+//! An optimiser sees its function through a `Run`, which counts evaluations, remembers the best point whatever happens
 //! afterwards, and ends the search when the evaluations are spent. An evaluation of value and gradient counts as one.
 
 mod hooke_jeeves;

@@ -5,17 +5,17 @@
 //!
 //!   W = 1/2 sum_xy D(x) k(|x - y|) D(y),   distance = (W_r + W_g + W_b)^gamma.
 //!
-//! Up to [4,000 cells](direct) that is what is computed. Beyond, N^2 pairs are too many, and (Rahimi & Recht would sample, we
+//! Up to 4,000 cells (`direct.rs`) that is what is computed. Beyond, N^2 pairs are too many, and (Rahimi & Recht would sample, we
 //! do not):
 //!
-//! 1. k becomes a [sum of Gaussians](mixture), 10 to 20 of them, each the product of one factor an axis;
-//! 2. D goes onto a [lattice](lattice): 12 to 24 nodes a polar axis, the rest of about a million for the azimuth, by linear
-//!    (hat) weights; [value nodes](value_axis) alpha/16 apart where values are, by cubic ones, which place the small
+//! 1. k becomes a sum of Gaussians (`mixture.rs`), 10 to 20 of them, each the product of one factor an axis;
+//! 2. D goes onto a lattice (`lattice.rs`): 12 to 24 nodes a polar axis, the rest of about a million for the azimuth, by linear
+//!    (hat) weights; value nodes (`value_axis.rs`) alpha/16 apart where values are, by cubic ones, which place the small
 //!    differences of near-identical BRDFs well. Masses of the same place cancel first, and with them all constants;
-//! 3. hats widen a Gaussian along the base; each is [narrowed](lattice) in advance by the variance that they add on average;
+//! 3. hats widen a Gaussian along the base; each is narrowed (`lattice.rs`) in advance by the variance that they add on average;
 //! 4. along the base, pivoted Cholesky factors project D to the few coordinates that a Gaussian of that width can tell apart;
 //!    along the values, sums run over the nodes within reach;
-//! 5. what the lattice cannot resolve, the pair that one cell forms with itself on the other side, is [added](divergence).
+//! 5. what the lattice cannot resolve, the pair that one cell forms with itself on the other side, is added (`divergence.rs`).
 //!
 //! Source: G. Lavoué et al. 2021, doi:10.1111/cgf.142636, section 6.1; J. Feydy et al., "Interpolating between optimal transport
 //! and MMD using Sinkhorn divergences", AISTATS 2019, arXiv:1810.08278 (the distances, and the factor 1/2); G. Székely, M. Rizzo,

@@ -9,7 +9,7 @@
 //!
 //!   OT_epsilon(a, b) - (OT_epsilon(a, a) + OT_epsilon(b, b))/2 = <a, f_ba - f_aa> + <b, g_ab - g_bb>,
 //!
-//! where the potentials come from the annealed, averaged Sinkhorn iterations of GeomLoss ([`annealing`]):
+//! where the potentials come from the annealed, averaged Sinkhorn iterations of GeomLoss (`annealing.rs`):
 //!
 //!   f_ba(x) <- keep f_ba(x) - (1 - keep) epsilon ln sum_y b(y) exp((g_ab(y) - C(x, y))/epsilon), and so on.
 //!
@@ -20,8 +20,8 @@
 //! multiscale variant, which clusters at random: its last digits belong to a seed.
 //!
 //! The cost p = 2 is separable, and alpha is about two blurs: a few base nodes and a fine value axis carry the masses
-//! ([`measure`]), and sums over all pairs become small products ([`gaussian`]). Where that does not hold (p = 1, alpha
-//! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed ([`direct`]), on grids of at most 13,500
+//! (`measure.rs`), and sums over all pairs become small products (`gaussian.rs`). Where that does not hold (p = 1, alpha
+//! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed (`direct.rs`), on grids of at most 13,500
 //! cells; finer grids are refused.
 //!
 //! Cells that are invalid on either side are left out on both.
@@ -257,7 +257,7 @@ pub fn divergence(
 }
 
 /// The divergence and its derivative with respect to the values phi(max(f cos theta_i, 0)) of the candidate's cells, 0 at
-/// cells that do not take part. What it is the exact gradient of is said in [`gradient`]: the value returned, with the
+/// cells that do not take part. What it is the exact gradient of is said in `gradient.rs`: the value returned, with the
 /// schedule of epsilons held.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ mod cli;
 mod dataset;
 mod descriptor;
 mod evaluation;
-mod graph;
+// mod graph;
 mod learned;
 mod lp;
 mod lp_golden;

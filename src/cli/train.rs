@@ -236,7 +236,7 @@ fn folds_of(options: &StudyOptions, study: &Study) -> usize {
 /// The transport and the energy distance that take part. The embedded study is there to be quick: a coarser grid.
 fn graphs(study: &Study) -> Result<Vec<Arc<dyn Metric>>> {
     let registry = Registry::standard()?;
-    let names = if study.synthetic { ["ot[grid=6x6x24]", "energy[grid=6x6x24]"] } else { ["ot", "energy"] };
+    let names = if study.synthetic { ["ot[grid=6x6x24,kappa=4]", "energy[grid=6x6x24]"] } else { ["ot", "energy"] };
     Ok(names.into_iter().map(|name| registry.get(name)).collect::<Result<_, _>>()?)
 }
 

@@ -6,7 +6,7 @@ mod data;
 mod dataset;
 mod descriptor;
 mod evaluation;
-mod graph;
+// mod graph;
 mod learned;
 mod lp;
 mod lp_golden;

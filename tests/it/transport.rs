@@ -27,10 +27,10 @@ fn between(parameters: &SinkhornParameters, grid: GraphGrid, a: &[f64], b: &[f64
 }
 
 /// The largest relative error over the golden channels of one grid.
-fn worst_golden(parameters: &SinkhornParameters, grid: GraphGrid) -> f64 {
+fn worst_golden(parameters: &SinkhornParameters, grid: GraphGrid, channels: usize) -> f64 {
     let mut worst: f64 = 0.0;
     for pair in golden()["pairs"].as_array().unwrap() {
-        for channel in 0..3 {
+        for channel in 0..channels {
             let expected = pair[format!("grid_{grid}")]["sinkhorn"][channel].as_f64().unwrap();
             let [a, b] = ["A", "B"].map(|side| Model::from_json(&pair[side], channel).graph(grid, fourth_root));
             let found = between(parameters, grid, &a, &b);
@@ -48,7 +48,7 @@ fn worst_golden(parameters: &SinkhornParameters, grid: GraphGrid) -> f64 {
 #[test]
 fn default_accuracy_is_within_one_per_cent_of_geomloss() {
     for grid in ["6x6x24", "9x9x36"] {
-        let worst = worst_golden(&study(), grid.parse().unwrap());
+        let worst = worst_golden(&study(), grid.parse().unwrap(), 3);
         assert!(worst < 0.01, "{grid}: {worst}");
     }
 }
@@ -56,8 +56,9 @@ fn default_accuracy_is_within_one_per_cent_of_geomloss() {
 #[test]
 fn high_accuracy_is_within_a_thousandth_of_geomloss() {
     let parameters = study().with_accuracy(Accuracy::high(0.1, 0.05)).unwrap();
-    for grid in ["6x6x24", "9x9x36"] {
-        let worst = worst_golden(&parameters, grid.parse().unwrap());
+    // The green and blue channels of the larger grid take half a minute.
+    for (grid, channels) in [("6x6x24", 3), ("9x9x36", 1)] {
+        let worst = worst_golden(&parameters, grid.parse().unwrap(), channels);
         assert!(worst < 0.001, "{grid}: {worst}");
     }
 }
@@ -66,7 +67,7 @@ fn high_accuracy_is_within_a_thousandth_of_geomloss() {
 fn fast_accuracy_is_within_four_per_cent_of_geomloss() {
     let parameters = study().with_accuracy(Accuracy::fast(0.1, 0.05)).unwrap();
     for grid in ["6x6x24", "9x9x36"] {
-        let worst = worst_golden(&parameters, grid.parse().unwrap());
+        let worst = worst_golden(&parameters, grid.parse().unwrap(), 3);
         assert!(worst < 0.04, "{grid}: {worst}");
     }
 }
@@ -103,22 +104,29 @@ const PAIRS: [(Model, Model); 7] = [
     (Model::Ggx { a: 0.25, kd: 0.3, f0: 0.1 }, Model::Ggx { a: 0.2501, kd: 0.3, f0: 0.1 }),
 ];
 
+/// A grid that is summed directly at the default accuracy, and one that is quantised.
+fn small_and_large() -> [GraphGrid; 2] {
+    let grids = [grid(6, 5, 14), grid(8, 9, 26)];
+    let direct = grids.map(|grid| study().method(grid).unwrap() == Method::Direct);
+    assert_eq!(direct, [true, false]);
+    grids
+}
+
 #[test]
 fn further_pairs_agree_with_sums_over_all_pairs() {
-    for grid in [grid(6, 5, 14), grid(4, 7, 16)] {
+    for (grid, tolerance) in small_and_large().into_iter().zip([1e-6, 0.01]) {
         for pair in PAIRS {
             let found = error(&study(), grid, pair, fourth_root);
-            println!("{pair:?}: {found:.1e}");
-            assert!(found.abs() < 0.01, "{grid} {pair:?}: {found}");
+            println!("{grid} {pair:?}: {found:.1e}");
+            assert!(found.abs() < tolerance, "{grid} {pair:?}: {found}");
         }
     }
 }
 
-/// `2.5e-10` and below, where differences of potentials lose ten digits.
+/// Differences of potentials lose ten digits here.
 #[test]
 fn nearly_equal_channels_keep_relative_precision() {
-    let grid = grid(6, 6, 16);
-    for step in [1e-4, 1e-5] {
+    for (grid, step) in small_and_large().into_iter().zip([1e-6, 1e-4]) {
         let pair = (Model::Ggx { a: 0.2, kd: 0.2, f0: 0.1 }, Model::Ggx { a: 0.2 + step, kd: 0.2, f0: 0.1 });
         let (a, b) = (pair.0.graph(grid, fourth_root), pair.1.graph(grid, fourth_root));
         let (found, expected) = (between(&study(), grid, &a, &b), brute_force(&study(), grid, &a, &b));
@@ -128,21 +136,20 @@ fn nearly_equal_channels_keep_relative_precision() {
 }
 
 #[test]
-fn every_corner_of_the_paper_s_grid_agrees_with_sums_over_all_pairs() {
+fn corners_of_the_paper_s_grid_agree_with_sums_over_all_pairs() {
     let logarithm: fn(f64) -> f64 = |t| (t + 0.01).ln();
     let tones: [fn(f64) -> f64; 5] = [|t| t, f64::sqrt, f64::cbrt, fourth_root, logarithm];
-    let scalings = [0.8, 0.9, 0.95, 0.99];
     let mut combination = 0;
     for alpha in [0.01, 0.05, 0.1, 1.0] {
         for blur in [0.01, 0.02, 0.05, 0.1] {
-            // All scalings and tones come round with every alpha and every blur.
-            for k in [combination, combination + 7] {
-                let parameters = parameters(GroundCost::SquaredDistance, alpha, blur, scalings[k % 4]);
-                let found = error(&parameters, grid(4, 4, 10), PAIRS[k % 3], tones[k % 5]);
-                println!("alpha {alpha} blur {blur} scaling {} tone {}: {found:.1e}", scalings[k % 4], k % 5);
-                assert!(found.abs() < 0.01, "alpha {alpha} blur {blur} combination {k}: {found}");
-            }
-            combination += 3;
+            // Coarse enough for sums over all pairs, fine enough to be quantised wherever that holds.
+            let coarse = Accuracy { values_per_blur: 8, ..Accuracy::standard(alpha, blur) };
+            let parameters = parameters(GroundCost::SquaredDistance, alpha, blur, 0.8).with_accuracy(coarse).unwrap();
+            let (pair, tone) = (PAIRS[combination % 3], combination % 5);
+            let found = error(&parameters, grid(8, 8, 26), pair, tones[tone]);
+            println!("alpha {alpha} blur {blur} pair {} tone {tone}: {found:.1e}", combination % 3);
+            assert!(found.abs() < 0.01, "alpha {alpha} blur {blur} pair {} tone {tone}: {found}", combination % 3);
+            combination += 1;
         }
     }
 }
@@ -171,14 +178,16 @@ fn distances_themselves_and_far_directions_take_direct_sums() {
 /// One valid cell a side: the cost of the way between the two points, |x - y|^2/2.
 #[test]
 fn diracs_are_their_cost_apart() {
-    let (grid, mut only) = (grid(2, 2, 4), vec![false; 16]);
-    only[5] = true;
-    let prepare = |value: f64| PreparedChannel::new(&study(), grid, &[value; 16], Some(&only)).unwrap();
-    let h = 0.05 / 8.0;
-    for steps in [1, 10, 160, 4000] {
-        let shift = f64::from(steps) * h;
-        let found = divergence(&study(), &prepare(0.3), &prepare(0.3 + shift)).unwrap();
-        assert!((found / (0.5 * shift * shift) - 1.0).abs() < 1e-9, "{steps}: {found}");
+    for grid in small_and_large() {
+        let mut only = vec![false; grid.len()];
+        only[5] = true;
+        let prepare = |value: f64| PreparedChannel::new(&study(), grid, &vec![value; grid.len()], Some(&only)).unwrap();
+        let h = 0.05 / 8.0;
+        for steps in [1, 10, 160, 4000] {
+            let shift = f64::from(steps) * h;
+            let found = divergence(&study(), &prepare(0.3), &prepare(0.3 + shift)).unwrap();
+            assert!((found / (0.5 * shift * shift) - 1.0).abs() < 1e-9, "{grid} {steps}: {found}");
+        }
     }
 }
 
@@ -186,13 +195,14 @@ fn diracs_are_their_cost_apart() {
 #[test]
 fn translations_cost_their_square() {
     let converged = parameters(GroundCost::SquaredDistance, 0.1, 0.05, 0.99);
-    let grid = grid(5, 5, 12);
-    let a = Model::Ggx { a: 0.3, kd: 0.2, f0: 0.1 }.graph(grid, fourth_root);
-    for shift in [0.01, 0.1, 1.0] {
-        let b: Vec<f64> = a.iter().map(|w| w + shift).collect();
-        let found = between(&converged, grid, &a, &b);
-        println!("{shift}: {}", found / (0.5 * shift * shift) - 1.0);
-        assert!((found / (0.5 * shift * shift) - 1.0).abs() < 0.01, "{shift}: {found}");
+    for grid in small_and_large() {
+        let a = Model::Ggx { a: 0.3, kd: 0.2, f0: 0.1 }.graph(grid, fourth_root);
+        for shift in [0.01, 0.1, 1.0] {
+            let b: Vec<f64> = a.iter().map(|w| w + shift).collect();
+            let found = between(&converged, grid, &a, &b);
+            println!("{grid} {shift}: {}", found / (0.5 * shift * shift) - 1.0);
+            assert!((found / (0.5 * shift * shift) - 1.0).abs() < 0.01, "{grid} {shift}: {found}");
+        }
     }
 }
 
@@ -243,26 +253,31 @@ fn gaussians_follow_their_closed_form() {
 
 #[test]
 fn relabelled_cells_change_nothing() {
-    let grid = grid(5, 5, 12);
-    let (a, b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
-    let expected = between(&study(), grid, &a, &b);
-    // theta_i and theta_o exchanged; phi_d backwards; everything backwards.
-    let exchanged = |w: &[f64]| (0..300).map(|k| w[(k / 12 % 5 * 5 + k / 60) * 12 + k % 12]).collect::<Vec<_>>();
-    let mirrored = |w: &[f64]| w.chunks(12).flat_map(|row| row.iter().rev().copied()).collect::<Vec<_>>();
-    let backwards = |w: &[f64]| w.iter().rev().copied().collect::<Vec<_>>();
-    for found in [
-        between(&study(), grid, &exchanged(&a), &exchanged(&b)),
-        between(&study(), grid, &mirrored(&a), &mirrored(&b)),
-        between(&study(), grid, &backwards(&a), &backwards(&b)),
-    ] {
-        assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+    for (n, n_phi) in [(5, 12), (9, 24)] {
+        let grid = grid(n, n, n_phi);
+        let (a, b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
+        let expected = between(&study(), grid, &a, &b);
+        // theta_i and theta_o exchanged; phi_d backwards; everything backwards.
+        let exchanged = |w: &[f64]| -> Vec<f64> {
+            (0..w.len()).map(|k| w[(k / n_phi % n * n + k / (n * n_phi)) * n_phi + k % n_phi]).collect()
+        };
+        let mirrored = |w: &[f64]| w.chunks(n_phi).flat_map(|row| row.iter().rev().copied()).collect::<Vec<_>>();
+        let backwards = |w: &[f64]| w.iter().rev().copied().collect::<Vec<_>>();
+        for found in [
+            between(&study(), grid, &exchanged(&a), &exchanged(&b)),
+            between(&study(), grid, &mirrored(&a), &mirrored(&b)),
+            between(&study(), grid, &backwards(&a), &backwards(&b)),
+        ] {
+            assert!((found / expected - 1.0).abs() < 1e-10, "{grid}: {found} {expected}");
+        }
     }
 }
 
 #[test]
 fn equal_is_zero_and_swapped_is_the_same() {
-    let grid = grid(6, 6, 16);
-    for parameters in [study(), parameters(GroundCost::Distance, 0.1, 0.05, 0.8)] {
+    let distance = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
+    let [small, large] = small_and_large();
+    for (parameters, grid) in [(study(), small), (distance, small), (study(), large)] {
         for (a, b) in PAIRS {
             let (a, b) = (a.graph(grid, fourth_root), b.graph(grid, fourth_root));
             assert_eq!(between(&parameters, grid, &a, &a), 0.0);
@@ -274,7 +289,7 @@ fn equal_is_zero_and_swapped_is_the_same() {
 
 #[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
-    let grid = grid(9, 9, 20);
+    let [_, grid] = small_and_large();
     let (a, b) = (PAIRS[1].0.graph(grid, fourth_root), PAIRS[1].1.graph(grid, fourth_root));
     for parameters in [study(), parameters(GroundCost::Distance, 0.1, 0.05, 0.5)] {
         let with = |threads| {
@@ -302,36 +317,66 @@ fn extreme_tables_give_finite_numbers() {
             for b in &tables {
                 let found = between(&parameters, grid, a, b);
                 let expected = brute_force(&parameters, grid, a, b);
-                assert!(found.is_finite());
-                assert!((found - expected).abs() <= 0.01 * expected.abs() + 1e-12, "{found} {expected}");
+                assert!((found - expected).abs() <= 1e-6 * expected.abs() + 1e-12, "{found} {expected}");
             }
         }
     }
 }
 
+/// The same where graphs are quantised: the mirror's peak is 1e5, tones leave it there or at 18.
+#[test]
+fn extreme_tables_of_many_cells_give_finite_numbers() {
+    let [_, grid] = small_and_large();
+    let glossy = PAIRS[1].0.graph(grid, |t| t);
+    let mut mirror = vec![0.01; grid.len()];
+    mirror[77] = 1e5;
+    let root: Vec<f64> = mirror.iter().copied().map(fourth_root).collect();
+    let tables = [vec![0.0; grid.len()], vec![0.3; grid.len()], vec![1e-300; grid.len()], mirror, root, glossy];
+    for parameters in [study(), parameters(GroundCost::SquaredDistance, 0.01, 0.05, 0.9)] {
+        for a in &tables {
+            for b in &tables {
+                let found = between(&parameters, grid, a, b);
+                assert!(found.is_finite() && found >= -1e-12, "{found}");
+                assert_eq!(found == 0.0, a == b || found.abs() < 1e-300, "{found}");
+            }
+        }
+        // All the mass moves by .3, or one cell of N by nearly 1e5.
+        let shift = between(&parameters, grid, &tables[0], &tables[1]);
+        assert!((shift / 0.045 - 1.0).abs() < 1e-3, "{shift}");
+        let peak = between(&parameters, grid, &tables[2], &tables[3]);
+        assert!((peak / (0.5 * 1e10 / grid.len() as f64) - 1.0).abs() < 0.3, "{peak}");
+    }
+}
+
 #[test]
 fn cells_that_one_side_lacks_are_left_out_of_both() {
-    let grid = grid(6, 6, 16);
-    let (mut a, mut b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
-    let lacks = |modulus: usize| (0..576).map(|k| k % modulus != 3).collect::<Vec<_>>();
-    let (mask_a, mask_b) = (lacks(7), lacks(5));
-    // Whatever stands in a masked cell is ignored.
-    (0..576).filter(|&k| !mask_a[k]).for_each(|k| a[k] = f64::NAN);
-    (0..576).filter(|&k| !mask_b[k]).for_each(|k| b[k] = f64::INFINITY);
-    let prepare = |values: &[f64], mask: &[bool]| PreparedChannel::new(&study(), grid, values, Some(mask)).unwrap();
-    let found = divergence(&study(), &prepare(&a, &mask_a), &prepare(&b, &mask_b)).unwrap();
-    let both: Vec<bool> = mask_a.iter().zip(&mask_b).map(|(a, b)| *a && *b).collect();
-    assert_eq!(found, divergence(&study(), &prepare(&a, &both), &prepare(&b, &both)).unwrap());
-    let common = |values: &[f64]| -> Vec<_> {
-        pairs::points(grid, 0.1, values).into_iter().zip(&both).filter(|(_, both)| **both).map(|(x, _)| x).collect()
-    };
-    let expected = pairs::divergence(2, 0.05, 0.8, &common(&a), &common(&b));
-    assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+    for grid in small_and_large() {
+        let (mut a, mut b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
+        let lacks = |modulus: usize| (0..grid.len()).map(|k| k % modulus != 3).collect::<Vec<_>>();
+        let (mask_a, mask_b) = (lacks(7), lacks(5));
+        // Whatever stands in a masked cell is ignored.
+        (0..grid.len()).filter(|&k| !mask_a[k]).for_each(|k| a[k] = f64::NAN);
+        (0..grid.len()).filter(|&k| !mask_b[k]).for_each(|k| b[k] = f64::INFINITY);
+        let prepare = |w: &[f64], mask: &[bool]| PreparedChannel::new(&study(), grid, w, Some(mask)).unwrap();
+        let (reference, candidate) = (prepare(&a, &mask_a), prepare(&b, &mask_b));
+        let found = divergence(&study(), &reference, &candidate).unwrap();
+        let both: Vec<bool> = mask_a.iter().zip(&mask_b).map(|(a, b)| *a && *b).collect();
+        assert_eq!(found, divergence(&study(), &prepare(&a, &both), &prepare(&b, &both)).unwrap());
+        let common = |values: &[f64]| -> Vec<_> {
+            let points = pairs::points(grid, 0.1, values).into_iter().zip(&both);
+            points.filter(|(_, both)| **both).map(|(x, _)| x).collect()
+        };
+        let expected = pairs::divergence(2, 0.05, 0.8, &common(&a), &common(&b));
+        assert!((found / expected - 1.0).abs() < 0.01, "{grid}: {found} {expected}");
 
-    let none: Vec<bool> = mask_a.iter().map(|valid| !valid).collect();
-    let nothing_common =
-        divergence(&study(), &prepare(&PAIRS[0].0.graph(grid, f64::sqrt), &none), &prepare(&a, &mask_a));
-    assert_eq!(nothing_common, Err(TransportError::NoCommonCell));
+        let (value, gradient) = divergence_and_gradient(&study(), &reference, &candidate).unwrap();
+        assert_eq!(value, found);
+        assert!(gradient.iter().zip(&both).all(|(g, both)| g.is_finite() && (*g == 0.0 || *both)));
+
+        let none: Vec<bool> = mask_a.iter().map(|valid| !valid).collect();
+        let other = prepare(&vec![0.2; grid.len()], &none);
+        assert_eq!(divergence(&study(), &other, &reference), Err(TransportError::NoCommonCell));
+    }
 }
 
 #[test]
@@ -345,10 +390,13 @@ fn bad_input_is_named() {
     let mut values = [0.1; 160];
     values[9] = f64::NAN;
     assert!(matches!(prepare(&values, None), Err(TransportError::NotFinite { cell: 9, .. })));
-    values[9] = 1e300;
-    assert!(matches!(prepare(&values, None), Err(TransportError::ValueTooLarge { cell: 9, .. })));
+    let [_, large] = small_and_large();
+    let huge = PreparedChannel::new(&study(), large, &vec![1e300; large.len()], None);
+    assert!(matches!(huge, Err(TransportError::ValueTooLarge { cell: 0, .. })));
+    let other = PreparedChannel::new(&study(), large, &vec![0.1; large.len()], None).unwrap();
+    assert_eq!(divergence(&study(), &ok, &other), Err(TransportError::Mismatch));
     let finer = parameters(GroundCost::SquaredDistance, 0.1, 0.02, 0.8);
-    assert_eq!(divergence(&finer, &ok, &ok), Err(TransportError::Mismatch));
+    assert_eq!(divergence(&finer, &other, &other), Err(TransportError::Mismatch));
 
     let new = |alpha, blur, scaling| SinkhornParameters::new(GroundCost::SquaredDistance, alpha, blur, scaling);
     for (parameters, name) in [
@@ -368,52 +416,52 @@ fn bad_input_is_named() {
 /// Against differences of the divergence itself. The extreme values stay, and with them the epsilons.
 #[test]
 fn gradient_agrees_with_finite_differences() {
-    let grid = grid(6, 6, 16);
     let mut seed = 1u64;
     let mut random = move || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
-    for (a, b) in PAIRS {
-        let (a, b) = (a.graph(grid, fourth_root), b.graph(grid, fourth_root));
-        let prepare = |values: &[f64]| PreparedChannel::new(&study(), grid, values, None).unwrap();
-        let reference = prepare(&a);
-        let (value, gradient) = divergence_and_gradient(&study(), &reference, &prepare(&b)).unwrap();
-        assert_eq!(value, divergence(&study(), &reference, &prepare(&b)).unwrap());
-        let extreme = |w: f64| b.iter().all(|x| *x <= w) || b.iter().all(|x| *x >= w);
-        let direction: Vec<f64> = b.iter().map(|&w| if extreme(w) { 0.0 } else { random() }).collect();
-        let moved = |step: f64| {
-            let b: Vec<f64> = b.iter().zip(&direction).map(|(w, d)| w + step * d).collect();
-            divergence(&study(), &reference, &prepare(&b)).unwrap()
-        };
-        let step = 1e-6;
-        let expected = (moved(step) - moved(-step)) / (2.0 * step);
-        let found: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-        let scale = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
-        println!("{found:e} {expected:e} {scale:e}");
-        assert!((found - expected).abs() < 1e-3 * scale, "{found:e} {expected:e} {scale:e}");
+    let [small, large] = small_and_large();
+    let distance = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
+    // Where graphs are quantised, the derivative jumps where a value passes a node: the last digits of the differences.
+    for (parameters, grid, tolerance) in [(study(), small, 1e-6), (distance, small, 1e-5), (study(), large, 1e-3)] {
+        for (a, b) in PAIRS {
+            let (a, b) = (a.graph(grid, fourth_root), b.graph(grid, fourth_root));
+            let prepare = |values: &[f64]| PreparedChannel::new(&parameters, grid, values, None).unwrap();
+            let reference = prepare(&a);
+            let (value, gradient) = divergence_and_gradient(&parameters, &reference, &prepare(&b)).unwrap();
+            assert_eq!(value, divergence(&parameters, &reference, &prepare(&b)).unwrap());
+            // Mirror images of a cell differ in the last digit: none of them may overtake.
+            let extreme = |w: f64| b.iter().all(|x| *x <= w + 1e-5) || b.iter().all(|x| *x >= w - 1e-5);
+            // A distance has a kink where points of the two sides meet.
+            let meet = |v: f64, w: f64| parameters.cost() == GroundCost::Distance && (v - w).abs() < 1e-5;
+            let of_cell = |(&v, &w)| if extreme(w) || meet(v, w) { 0.0 } else { random() };
+            let direction: Vec<f64> = a.iter().zip(&b).map(of_cell).collect();
+            let moved = |step: f64| {
+                let b: Vec<f64> = b.iter().zip(&direction).map(|(w, d)| w + step * d).collect();
+                divergence(&parameters, &reference, &prepare(&b)).unwrap()
+            };
+            let step = 1e-6;
+            let expected = (moved(step) - moved(-step)) / (2.0 * step);
+            let found: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+            let scale = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+            println!("{grid} {found:e} {expected:e} {scale:e}");
+            assert!((found - expected).abs() < tolerance * scale + 1e-10, "{grid} {found:e} {expected:e} {scale:e}");
+        }
     }
 }
 
 #[test]
 fn a_step_against_the_gradient_reduces_the_divergence() {
-    let grid = grid(6, 6, 16);
-    let (a, b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
-    let prepare = |values: &[f64]| PreparedChannel::new(&study(), grid, values, None).unwrap();
-    let reference = prepare(&a);
-    let (value, gradient) = divergence_and_gradient(&study(), &reference, &prepare(&b)).unwrap();
-    let square: f64 = gradient.iter().map(|g| g * g).sum();
-    let step = 0.1 * value / square;
-    let nearer: Vec<f64> = b.iter().zip(&gradient).map(|(w, g)| w - step * g).collect();
-    let reduced = divergence(&study(), &reference, &prepare(&nearer)).unwrap();
-    assert!((0.8 * value..0.95 * value).contains(&reduced), "{value:e} {reduced:e}");
-}
-
-#[test]
-fn direct_sums_have_no_gradient() {
-    let parameters = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
-    let grid = grid(2, 2, 4);
-    let prepare = |value: f64| PreparedChannel::new(&parameters, grid, &[value; 16], None).unwrap();
-    let refused = divergence_and_gradient(&parameters, &prepare(0.1), &prepare(0.2));
-    assert_eq!(refused, Err(TransportError::NoGradient));
+    for grid in small_and_large() {
+        let (a, b) = (PAIRS[0].0.graph(grid, fourth_root), PAIRS[0].1.graph(grid, fourth_root));
+        let prepare = |values: &[f64]| PreparedChannel::new(&study(), grid, values, None).unwrap();
+        let reference = prepare(&a);
+        let (value, gradient) = divergence_and_gradient(&study(), &reference, &prepare(&b)).unwrap();
+        let square: f64 = gradient.iter().map(|g| g * g).sum();
+        let step = 0.1 * value / square;
+        let nearer: Vec<f64> = b.iter().zip(&gradient).map(|(w, g)| w - step * g).collect();
+        let reduced = divergence(&study(), &reference, &prepare(&nearer)).unwrap();
+        assert!((0.8 * value..0.95 * value).contains(&reduced), "{grid}: {value:e} {reduced:e}");
+    }
 }

@@ -14,15 +14,15 @@ use crate::metric::graph::GraphGrid;
 use rayon::prelude::*;
 
 /// Targets treated by one task.
-const CHUNK: usize = 64;
+pub(super) const CHUNK: usize = 64;
 
 /// The points of a graph, as arrays of coordinates, [`LANES`] points to an entry.
 #[derive(Debug, Clone)]
 pub(super) struct Points {
     /// Base coordinates for alpha = 1, and the value.
-    coordinates: [Vec<Lanes>; 4],
+    pub coordinates: [Vec<Lanes>; 4],
     /// Number of points; the last entry is filled up with others.
-    len: usize,
+    pub len: usize,
 }
 
 impl Points {
@@ -43,39 +43,64 @@ impl Points {
         Self { coordinates, len: cells.len() }
     }
 
-    fn point(&self, index: usize) -> [f64; 4] {
+    pub fn point(&self, index: usize) -> [f64; 4] {
         [0, 1, 2, 3].map(|axis| self.coordinates[axis][index / LANES][index % LANES])
     }
 }
 
 /// The kernel of one epsilon.
-struct Kernel {
-    cost: GroundCost,
-    alpha: f64,
-    epsilon: f64,
+pub(super) struct Kernel {
+    pub cost: GroundCost,
+    pub alpha: f64,
+    pub epsilon: f64,
 }
 
-/// <a, f_ba - f_aa> + <b, g_ab - g_bb>.
-pub(super) fn divergence(parameters: &SinkhornParameters, annealing: &Annealing, a: &Points, b: &Points) -> f64 {
-    let zero = |points: &Points| vec![0.0; points.len];
-    let (mut f_aa, mut f_ba, mut g_bb, mut g_ab) = (zero(a), zero(a), zero(b), zero(b));
-    for (epsilon, keep) in annealing.updates() {
-        let kernel = Kernel { cost: parameters.cost(), alpha: parameters.alpha(), epsilon };
-        // Both from the old potentials.
-        let (old_f_ba, old_g_ab) = (f_ba.clone(), g_ab.clone());
-        kernel.update(b, &old_g_ab, a, &mut f_ba, keep);
-        kernel.update(a, &old_f_ba, b, &mut g_ab, keep);
-        let (old_f_aa, old_g_bb) = (f_aa.clone(), g_bb.clone());
-        kernel.update(a, &old_f_aa, a, &mut f_aa, keep);
-        kernel.update(b, &old_g_bb, b, &mut g_bb, keep);
+/// The four potentials at one time.
+pub(super) struct Potentials {
+    pub f_ba: Vec<f64>,
+    pub g_ab: Vec<f64>,
+    pub f_aa: Vec<f64>,
+    pub g_bb: Vec<f64>,
+}
+
+impl Potentials {
+    pub fn zero(a: &Points, b: &Points) -> Self {
+        let zero = |points: &Points| vec![0.0; points.len];
+        Self { f_ba: zero(a), g_ab: zero(b), f_aa: zero(a), g_bb: zero(b) }
     }
-    let mean = |f: &[f64], g: &[f64]| f.iter().zip(g).map(|(f, g)| f - g).sum::<f64>() / f.len() as f64;
-    mean(&f_ba, &f_aa) + mean(&g_ab, &g_bb)
+
+    /// The potentials after one update, all from the old ones.
+    pub fn updated(&self, kernel: &Kernel, keep: f64, a: &Points, b: &Points) -> Self {
+        let updated = |source, g: &[f64], target, f: &Vec<f64>| {
+            let mut f = f.clone();
+            kernel.update(source, g, target, &mut f, keep);
+            f
+        };
+        Self {
+            f_ba: updated(b, &self.g_ab, a, &self.f_ba),
+            g_ab: updated(a, &self.f_ba, b, &self.g_ab),
+            f_aa: updated(a, &self.f_aa, a, &self.f_aa),
+            g_bb: updated(b, &self.g_bb, b, &self.g_bb),
+        }
+    }
+
+    /// <a, f_ba - f_aa> + <b, g_ab - g_bb>.
+    pub fn value(&self) -> f64 {
+        let mean = |f: &[f64], g: &[f64]| f.iter().zip(g).map(|(f, g)| f - g).sum::<f64>() / f.len() as f64;
+        mean(&self.f_ba, &self.f_aa) + mean(&self.g_ab, &self.g_bb)
+    }
+}
+
+/// The divergence of `a` and `b`.
+pub(super) fn divergence(parameters: &SinkhornParameters, annealing: &Annealing, a: &Points, b: &Points) -> f64 {
+    let kernel = |epsilon| Kernel { cost: parameters.cost(), alpha: parameters.alpha(), epsilon };
+    let start = Potentials::zero(a, b);
+    annealing.updates().fold(start, |old, (epsilon, keep)| old.updated(&kernel(epsilon), keep, a, b)).value()
 }
 
 impl Kernel {
     /// f <- keep f + (1 - keep) softmin(g) at the points of `target`.
-    fn update(&self, source: &Points, g: &[f64], target: &Points, f: &mut [f64], keep: f64) {
+    pub fn update(&self, source: &Points, g: &[f64], target: &Points, f: &mut [f64], keep: f64) {
         // Points that only fill up weigh nothing: their exponent is -infinity.
         let mut levels = vec![[f64::NEG_INFINITY; LANES]; g.len().div_ceil(LANES)];
         levels.as_flattened_mut().iter_mut().zip(g).for_each(|(level, g)| *level = g / self.epsilon);
@@ -98,9 +123,9 @@ impl Kernel {
         sum::<false>(self, source, levels, target)
     }
 
-    /// g/epsilon - C/epsilon from entry `at` of the source.
+    /// |x - y|^2 from entry `at` of the source to `target`.
     #[inline(always)]
-    fn exponents<const FUSED: bool>(&self, source: &Points, levels: &Lanes, at: usize, target: [f64; 4]) -> Lanes {
+    pub fn squares<const FUSED: bool>(&self, source: &Points, at: usize, target: [f64; 4]) -> Lanes {
         let mut squares = [0.0; LANES];
         for (axis, scale) in [self.alpha, self.alpha, self.alpha, 1.0].into_iter().enumerate() {
             let x = &source.coordinates[axis][at];
@@ -109,15 +134,21 @@ impl Kernel {
                 squares[lane] = fma::<FUSED>(difference, difference, squares[lane]);
             }
         }
+        squares
+    }
+
+    /// g/epsilon - C/epsilon from entry `at` of the source.
+    #[inline(always)]
+    fn exponents<const FUSED: bool>(&self, source: &Points, levels: &Lanes, at: usize, target: [f64; 4]) -> Lanes {
+        let mut exponents = self.squares::<FUSED>(source, at, target);
         let inverse = 1.0 / self.epsilon;
-        match self.cost {
-            GroundCost::SquaredDistance => {
-                std::array::from_fn(|lane| fma::<FUSED>(-0.5 * inverse, squares[lane], levels[lane]))
-            }
-            GroundCost::Distance => {
-                std::array::from_fn(|lane| fma::<FUSED>(-inverse, squares[lane].sqrt(), levels[lane]))
-            }
+        for lane in 0..LANES {
+            exponents[lane] = match self.cost {
+                GroundCost::SquaredDistance => fma::<FUSED>(-0.5 * inverse, exponents[lane], levels[lane]),
+                GroundCost::Distance => fma::<FUSED>(-inverse, exponents[lane].sqrt(), levels[lane]),
+            };
         }
+        exponents
     }
 }
 

@@ -13,7 +13,8 @@
 //! multiplication round differently in the last digits; the number of threads changes nothing.
 
 use super::elementary::{LANES, Lanes, exp, fma, ln, max};
-use super::measure::{Lattice, Measure};
+use super::lattice::Lattice;
+use super::measure::Measure;
 use super::value_axis;
 
 /// Terms smaller than exp(-34), times the largest base factor, are left out.

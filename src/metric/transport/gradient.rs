@@ -9,8 +9,8 @@
 //!
 //! a Gaussian sum of the same kind as the update itself. The splat follows by the chain rule ([`pull_back`]).
 //!
-//! It is the gradient of the very number that `divergence` returns, with the schedule of epsilons held: the schedule depends on
-//! the largest and smallest values alone, and jumps where it gains a step. Where two limits of the anti-diffusion
+//! It is the gradient of the very number that `divergence` returns, with the schedule of epsilons held: the schedule
+//! depends on the largest and smallest values alone, and jumps where it gains a step. Where two limits of the anti-diffusion
 //! tie, one of the two one-sided derivatives is taken.
 //!
 //! Cost: 2.5 divergences. Memory: the potentials of every update, base nodes x value nodes x 24 bytes an update
@@ -19,8 +19,9 @@
 use super::annealing::Annealing;
 use super::elementary::{LANES, Lanes};
 use super::gaussian::{Gaussian, Sink, Spread};
-use super::measure::{Measure, pull_back};
+use super::measure::Measure;
 use super::quantised::{Field, alone, crossed, mean_difference};
+use super::splat::pull_back;
 
 /// The divergence of `a` and `b`, and its derivative with respect to the values `cells` that `b` was made of.
 pub(super) fn divergence_and_gradient(
@@ -31,6 +32,12 @@ pub(super) fn divergence_and_gradient(
     cells: &[f64],
     valid: impl Fn(usize) -> bool,
 ) -> (f64, Vec<f64>) {
+    let (value, of_mass) = value_and_masses(alpha, annealing, a, b);
+    (value, pull_back(b, cells, valid, &of_mass))
+}
+
+/// The divergence, and its derivative with respect to the masses of `b`.
+fn value_and_masses(alpha: f64, annealing: &Annealing, a: &Measure, b: &Measure) -> (f64, Field) {
     let of_candidate = || {
         let mut history = Vec::new();
         let last = alone(alpha, annealing, b, |g| history.push(g.clone()));
@@ -52,8 +59,7 @@ pub(super) fn divergence_and_gradient(
     let of_reference = || alone(alpha, annealing, a, |_| ());
     let ((f_aa, (g_bb, of_bb)), (f_ba, g_ab, of_ab)) = rayon::join(|| rayon::join(of_reference, of_candidate), of_both);
     let value = mean_difference(a, &f_ba, &f_aa) + mean_difference(b, &g_ab, &g_bb);
-    let of_mass = combine(&of_ab, 1.0, &of_bb, -1.0);
-    (value, pull_back(b, cells, valid, &of_mass))
+    (value, combine(&of_ab, 1.0, &of_bb, -1.0))
 }
 
 /// x a + y b.

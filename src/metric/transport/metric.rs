@@ -111,7 +111,6 @@ impl TransportMetric {
             (Some(side), TransportError::NotFinite { .. } | TransportError::ValueTooLarge { .. }) => {
                 MetricError::Unusable { side, reason: cause.to_string() }
             }
-            (_, TransportError::NoGradient) => MetricError::NoGradient { metric: self.name.clone() },
             _ => MetricError::NotComputed { metric: self.name.clone(), reason: cause.to_string() },
         }
     }

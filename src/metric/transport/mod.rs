@@ -22,19 +22,22 @@
 //! The cost p = 2 is separable, and alpha is about two blurs: a few base nodes and a fine value axis carry the masses
 //! (`measure.rs`), and sums over all pairs become small products (`gaussian.rs`). Where that does not hold (p = 1, alpha
 //! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed (`direct.rs`), on grids of at most 13,500
-//! cells; finer grids are refused.
+//! cells; finer grids are refused. So are all pairs of small grids, whatever the parameters.
 //!
 //! Cells that are invalid on either side are left out on both.
 
 mod annealing;
 mod direct;
+mod direct_gradient;
 mod elementary;
 mod gaussian;
 mod gradient;
+mod lattice;
 mod measure;
 mod metric;
 mod parameters;
 mod quantised;
+mod splat;
 mod value_axis;
 
 pub use metric::TransportMetric;
@@ -43,7 +46,8 @@ pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use direct::Points;
-use measure::{Lattice, Measure};
+use lattice::Lattice;
+use measure::Measure;
 use std::borrow::Cow;
 use thiserror::Error;
 
@@ -75,8 +79,6 @@ pub enum TransportError {
     NoCommonCell,
     #[error("the two channels were not prepared for the same grid and for these parameters")]
     Mismatch,
-    #[error("sums over all pairs of cells (p = 1, or alpha beyond 20 blurs) have no gradient here")]
-    NoGradient,
 }
 
 /// One channel of a BRDF, ready to be compared with many others.
@@ -257,11 +259,11 @@ pub fn divergence(
 }
 
 /// The divergence and its derivative with respect to the values phi(max(f cos theta_i, 0)) of the candidate's cells, 0 at
-/// cells that do not take part. What it is the exact gradient of is said in `gradient.rs`: the value returned, with the
-/// schedule of epsilons held.
+/// cells that do not take part: the gradient of the very number that is returned, and that [`divergence`] returns, with the
+/// schedule of epsilons held (`annealing.rs`).
 ///
 /// # Errors
-/// Those of [`divergence`], and [`TransportError::NoGradient`] with the direct method.
+/// Those of [`divergence`].
 pub fn divergence_and_gradient(
     parameters: &SinkhornParameters,
     reference: &PreparedChannel,
@@ -270,9 +272,17 @@ pub fn divergence_and_gradient(
     let pair = Comparison::new(parameters, reference, candidate)?;
     let values = &pair.candidate.values;
     let Some(annealing) = &pair.annealing else { return Ok((0.0, vec![0.0; values.len()])) };
-    let (Form::Quantised(a), Form::Quantised(b)) = (&pair.reference.form, &pair.candidate.form) else {
-        return Err(TransportError::NoGradient);
-    };
     let valid = |cell| pair.candidate.is_valid(cell);
-    Ok(gradient::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
+    match (&pair.reference.form, &pair.candidate.form) {
+        (Form::Quantised(a), Form::Quantised(b)) => {
+            Ok(gradient::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
+        }
+        (Form::Direct(a), Form::Direct(b)) => {
+            let (value, of_points) = direct_gradient::divergence_and_gradient(parameters, annealing, a, b);
+            let mut of_points = of_points.into_iter();
+            let of_cell = |cell| if valid(cell) { of_points.next().unwrap_or_default() } else { 0.0 };
+            Ok((value, (0..values.len()).map(of_cell).collect()))
+        }
+        _ => Err(TransportError::Mismatch),
+    }
 }

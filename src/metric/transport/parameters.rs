@@ -27,8 +27,7 @@ impl GroundCost {
 /// Errors against the exact divergence are below 1 % (and below .1 % at [`Accuracy::high`]) where the spacing of the
 /// base nodes is at most about .6 blur and that of the value nodes at most blur/4; [`Accuracy::standard`] follows
 /// from that. An axis with few cells (at most 4/3 of the nodes) keeps them, and is exact; grids of
-/// fewer than 10,000 cells take twice as many value nodes, and at the high setting those of at most 200 kappa cells are
-/// summed directly, and are exact.
+/// at most 200 kappa cells are summed directly, and are exact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Accuracy {
     /// kappa: value nodes to one blur.
@@ -50,12 +49,9 @@ impl Accuracy {
         Self { values_per_blur: 4, ..Self::standard(alpha, blur) }
     }
 
-    /// kappa of [`Accuracy::high`].
-    pub const HIGH_VALUES_PER_BLUR: usize = 16;
-
-    /// Twice the nodes along every axis: the reference for checks.
+    /// kappa 16 and 2.5 instead of 1.5 base nodes to a blur: the reference for checks.
     pub fn high(alpha: f64, blur: f64) -> Self {
-        Self { values_per_blur: Self::HIGH_VALUES_PER_BLUR, base_nodes: Self::nodes(alpha, blur, 3.0) }
+        Self { values_per_blur: 16, base_nodes: Self::nodes(alpha, blur, 2.5) }
     }
 
     /// Nodes an axis that put `per_blur` of them to one blur; the axis is a little shorter than alpha.
@@ -143,11 +139,9 @@ impl SinkhornParameters {
             && self.alpha <= Method::LARGEST_ALPHA_PER_BLUR * self.blur
             && nodes.iter().product::<usize>() <= Method::MOST_BASE_NODES;
         let cells = grid.len();
-        let kappa = self.accuracy.values_per_blur;
-        let exact = kappa >= Accuracy::HIGH_VALUES_PER_BLUR && cells <= Method::FEW_CELLS_OF_HIGH * kappa;
-        if separable && !exact {
-            let finer = if cells < Method::FEW_CELLS { 2 } else { 1 };
-            let spacing = self.blur / (finer * self.accuracy.values_per_blur) as f64;
+        let few = cells <= Method::FEW_CELLS * self.accuracy.values_per_blur;
+        if separable && !few {
+            let spacing = self.blur / self.accuracy.values_per_blur as f64;
             Ok(Method::Quantised { spacing, nodes })
         } else if cells <= Method::MOST_DIRECT_CELLS {
             Ok(Method::Direct)
@@ -168,12 +162,9 @@ pub enum Method {
 }
 
 impl Method {
-    /// Below it, cells are so far apart on the value axis that anti-diffusion finds little mass to move, and the value
-    /// nodes are twice as dense.
-    pub const FEW_CELLS: usize = 10_000;
-    /// Up to this number of cells times kappa (9 x 9 x 36 at kappa 16) sums over all pairs take about as long as quantised
-    /// ones at the high setting.
-    pub const FEW_CELLS_OF_HIGH: usize = 200;
+    /// Up to this number of cells times kappa (6 x 6 x 24 at kappa 8, 9 x 9 x 36 at kappa 16) sums over all pairs, which are
+    /// exact, take about as long as quantised ones.
+    pub const FEW_CELLS: usize = 200;
     /// Beyond it, exp(-cost/epsilon) across the base, up to 3 (alpha/blur)^2/2 = 600 in the exponent, underflows.
     pub const LARGEST_ALPHA_PER_BLUR: f64 = 20.0;
     /// Base nodes of the quantised method, 17^3: the potentials take this times the value nodes times 8 bytes.

@@ -1,0 +1,90 @@
+//! The Sinkhorn divergence of three channels, as `ot` takes it: three sizes, default and fast, prepared and not, beside sums
+//! over all pairs with the standard library on a small size.
+//!
+//! `RAYON_NUM_THREADS=1 cargo bench --bench transport` for one thread.
+
+#[path = "../tests/it/transport_pairs.rs"]
+#[allow(dead_code)]
+mod transport_pairs;
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Duration;
+use transport_pairs::Model;
+use vernis::metric::graph::GraphGrid;
+use vernis::metric::transport::{
+    Accuracy, GroundCost, PreparedChannel, SinkhornParameters, divergence, divergence_and_gradient,
+};
+
+const ALPHA: f64 = 0.1;
+const BLUR: f64 = 0.05;
+const SCALING: f64 = 0.8;
+
+/// The metals of the golden file: a long value axis.
+const PAIR: [[Model; 2]; 3] = [
+    [Model::Ggx { a: 0.02, kd: 0.01, f0: 0.95 }, Model::Ggx { a: 0.03, kd: 0.01, f0: 0.95 }],
+    [Model::Ggx { a: 0.02, kd: 0.01, f0: 0.64 }, Model::Ggx { a: 0.03, kd: 0.01, f0: 0.64 }],
+    [Model::Ggx { a: 0.02, kd: 0.01, f0: 0.54 }, Model::Ggx { a: 0.03, kd: 0.01, f0: 0.54 }],
+];
+
+fn graphs(grid: GraphGrid) -> [[Vec<f64>; 2]; 3] {
+    PAIR.map(|pair| pair.map(|model| model.graph(grid, |t| t.sqrt().sqrt())))
+}
+
+fn transport(criterion: &mut Criterion) {
+    let study = SinkhornParameters::new(GroundCost::SquaredDistance, ALPHA, BLUR, SCALING).expect("parameters");
+    let fast = study.with_accuracy(Accuracy::fast(ALPHA, BLUR)).expect("an accuracy");
+    let mut group = criterion.benchmark_group("ot, three channels");
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));
+    for size in ["9x9x36", "45x45x180", "90x90x360"] {
+        let grid: GraphGrid = size.parse().expect("a grid");
+        let graphs = graphs(grid);
+        for (accuracy, parameters) in [("default", study), ("fast", fast)] {
+            let prepare = |values: &[f64]| PreparedChannel::new(&parameters, grid, values, None).expect("a channel");
+            group.bench_function(BenchmarkId::new(accuracy, size), |bencher| {
+                bencher.iter(|| {
+                    for [a, b] in &graphs {
+                        black_box(divergence(&parameters, &prepare(a), &prepare(b)).expect("a divergence"));
+                    }
+                });
+            });
+        }
+        let prepared = graphs.each_ref().map(|pair| {
+            pair.each_ref().map(|values| PreparedChannel::new(&study, grid, values, None).expect("a channel"))
+        });
+        group.bench_function(BenchmarkId::new("default, both prepared", size), |bencher| {
+            bencher.iter(|| {
+                for [a, b] in &prepared {
+                    black_box(divergence(&study, a, b).expect("a divergence"));
+                }
+            });
+        });
+        group.bench_function(BenchmarkId::new("with gradient", size), |bencher| {
+            bencher.iter(|| {
+                for [a, b] in &prepared {
+                    black_box(divergence_and_gradient(&study, a, b).expect("a gradient"));
+                }
+            });
+        });
+    }
+    group.finish();
+}
+
+/// 4 x 4 x 16 cells: 130 times fewer pairs of cells than on 9 x 9 x 36, two million times fewer than on 45 x 45 x 180.
+fn all_pairs(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("sums over all pairs, three channels");
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
+    let grid: GraphGrid = "4x4x16".parse().expect("a grid");
+    let points = graphs(grid).map(|pair| pair.map(|values| transport_pairs::points(grid, ALPHA, &values)));
+    group.bench_function("standard library, 4x4x16", |bencher| {
+        bencher.iter(|| {
+            for [a, b] in &points {
+                black_box(transport_pairs::divergence(2, BLUR, SCALING, a, b));
+            }
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, transport, all_pairs);
+criterion_main!(benches);

@@ -5,6 +5,7 @@ mod cli;
 mod dataset;
 mod descriptor;
 mod evaluation;
+mod fit;
 mod learned;
 mod lp;
 mod lp_golden;

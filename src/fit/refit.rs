@@ -114,7 +114,7 @@ impl Refitting<'_> {
         model: &'static str,
     ) -> Result<Refit, FitError> {
         let fitting = Fitting { coarsening: self.coarsening, ..Fitting::new(model, self.metric) };
-        let file = format!("{material}.{method}.json");
+        let file = format!("{}.{method}.json", file_name(material));
         let opened = |e: BrdfError| FitError::Reference { material: material.to_owned(), cause: Box::new(e) };
         let reference = source.open(self.base).map_err(opened)?;
         let sha256 = reference.content.to_string();
@@ -132,5 +132,23 @@ impl Refitting<'_> {
             },
         };
         Ok(Refit { material: material.to_owned(), method, model, file, outcome })
+    }
+}
+
+/// A name for files that no two materials share: all but letters, digits, `-`, `_` and `.` as their code points.
+fn file_name(material: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+    material.chars().map(|c| if plain(c) { c.to_string() } else { format!("%{:X}", u32::from(c)) }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brdf::models::schema;
+
+    #[test]
+    fn every_method_has_a_model_and_materials_have_file_names() {
+        assert!(METHODS.iter().all(|(_, model)| schema(model).is_ok()));
+        assert_eq!(file_name("merl/blue-acrylic.binary"), "merl%2Fblue-acrylic.binary");
     }
 }

@@ -8,9 +8,12 @@ use crate::brdf::models::{FieldError, MODELS, ModelError, NamedParameters};
 use serde_json::Value;
 use std::path::Path;
 
+/// Far more than any model needs.
+const MOST_BYTES: u64 = 1 << 20;
+
 /// The parameters in the file at `path`, not yet checked against the model's bounds.
 pub fn read(path: &Path) -> Result<NamedParameters, BrdfError> {
-    let text = std::fs::read(path).map_err(super::io_error(path))?;
+    let text = super::read_at_most(path, MOST_BYTES).map_err(super::io_error(path))?;
     parse(&path.display().to_string(), &text).map_err(|e| match e {
         // Only this error depends on where the text came from.
         ParseError::Json(reason) => BrdfError::Malformed { path: path.to_owned(), format: "model in JSON", reason },

@@ -24,6 +24,8 @@ const HIDDEN: usize = 21;
 const LANES: usize = 32;
 /// A network has 19 kB.
 const MOST_BYTES: u64 = 1 << 20;
+/// The published archive of 100 networks has half a megabyte.
+const MOST_ARCHIVE_BYTES: usize = 1 << 30;
 
 /// A material's network.
 #[derive(Debug, Clone)]
@@ -198,6 +200,12 @@ pub fn decode(path: &Path, material: &str, bytes: Vec<u8>) -> Result<Nbrdf, Brdf
 }
 
 fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<ZipArchive<Cursor<&'a [u8]>>, BrdfError> {
+    if bytes.len() > MOST_ARCHIVE_BYTES {
+        // Its directory is looked for from the end to the beginning.
+        let allowed = format!("at most {MOST_ARCHIVE_BYTES}");
+        let (path, found) = (path.to_owned(), bytes.len() as u64);
+        return Err(BrdfError::Size { path, format: "an archive of NBRDF networks", found, allowed });
+    }
     ZipArchive::new(Cursor::new(bytes)).map_err(|e| malformed(path, e.to_string()))
 }
 

@@ -41,7 +41,7 @@ fn the_program_converts_every_format_into_every_other() {
         vernis_data(&[&["convert", text(&at(from)), text(&at(to))], extra].concat())
     };
     for (from, to, extra, size, says) in [
-        ("a.binary", "b.titopo", &[][..], 34_992_000, "90 x 90 x 360 in standard coordinates, 98.9"),
+        ("a.binary", "b.titopo", &[][..], 34_992_000, "90 x 90 x 360 in standard coordinates"),
         ("a.binary", "c.titopoh", &[], 4_374_000, "45 x 45 x 180 in standard coordinates"),
         ("b.titopo", "d.binary", &[], 34_992_012, "90 x 90 x 180 in half/difference coordinates"),
         ("b.titopo", "e.binary", &["--phi", "360"], 69_984_012, "90 x 90 x 360 in half/difference coordinates"),
@@ -52,7 +52,7 @@ fn the_program_converts_every_format_into_every_other() {
         assert_eq!(output.status.code(), Some(0), "{from} {to}: {}", String::from_utf8_lossy(&output.stderr));
         assert_eq!(fs::metadata(at(to)).expect("written").len(), size, "{to}");
         let lines = out(&output);
-        assert!(lines.contains(says) || says.ends_with("98.9"), "{lines}");
+        assert!(lines.contains(says), "{lines}");
         if to != "g.binary" {
             assert!(lines.contains("after the way back: median 0.000"), "{lines}");
         }

@@ -33,29 +33,47 @@ pub enum BrdfError {
     #[error("{}: {format} cannot hold {found}; resample to {allowed} first", path.display())]
     Grid { path: PathBuf, format: &'static str, found: String, allowed: &'static str },
     /// Malformed text at a line.
-    #[error("{}:{line}: {reason}", path.display())]
+    #[error("{}:{line}: {}", path.display(), shown(reason, 400))]
     Line { path: PathBuf, line: usize, reason: String },
     /// A file that is not what its name says.
-    #[error("{}: not a valid {format}: {reason}", path.display())]
+    #[error("{}: not a valid {format}: {}", path.display(), shown(reason, 400))]
     Malformed { path: PathBuf, format: &'static str, reason: String },
     /// The file holds other materials.
-    #[error("{}: no material `{found}`; {}", path.display(), did_you_mean(nearest))]
+    #[error("{}: no material `{}`; {}", path.display(), shown(found, 100), did_you_mean(nearest))]
     UnknownMaterial { path: PathBuf, found: String, nearest: Vec<String> },
     /// A field or key that the model lacks.
-    #[error("{place}: {model} has no parameter `{found}`; {}; allowed: {}", did_you_mean(nearest), allowed.join(", "))]
+    #[error("{place}: {model} has no parameter `{}`; {}; allowed: {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
     UnknownField { place: String, model: String, found: String, nearest: Vec<String>, allowed: Vec<String> },
     /// A model that does not exist.
-    #[error("{place}: unknown model `{found}`; {}; allowed: {}", did_you_mean(nearest), allowed.join(", "))]
+    #[error("{place}: unknown model `{}`; {}; allowed: {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
     UnknownModel { place: String, found: String, nearest: Vec<String>, allowed: Vec<String> },
     /// A field that is absent or of the wrong shape.
-    #[error("{place}: {field}: found {found}, allowed is {allowed}")]
+    #[error("{place}: {field}: found {}, allowed is {allowed}", shown(found, 200))]
     Field { place: String, field: String, found: String, allowed: String },
     /// Parameters out of bounds.
     #[error("{place}: {cause}")]
     Model { place: String, cause: ModelError },
     /// The text is not in the notation of sources.
-    #[error("`{notation}` is not a BRDF source: {reason}; allowed: {}", super::source::NOTATIONS)]
+    #[error(
+        "`{}` is not a BRDF source: {}; allowed: {}",
+        shown(notation, 200),
+        shown(reason, 300),
+        super::source::NOTATIONS
+    )]
     Notation { notation: String, reason: String },
+}
+
+/// Text of a file or of a user as a message may show it: one line of at most `most` characters, and how many there are
+/// where that is less than all.
+pub(crate) fn shown(text: &str, most: usize) -> String {
+    let mut line = String::new();
+    for (k, c) in text.chars().enumerate() {
+        if k == most {
+            return format!("{line}... ({} characters)", text.chars().count());
+        }
+        if c.is_control() { line.extend(c.escape_debug()) } else { line.push(c) }
+    }
+    line
 }
 
 fn did_you_mean(nearest: &[String]) -> String {

@@ -71,11 +71,15 @@ impl Grid {
 
     /// The angle, in radians, at which the values of index `k` along `axis` belong.
     fn angle(&self, axis: usize, k: usize) -> f64 {
-        let offset = match self {
+        self.edge(axis, k as f64 + self.anchor())
+    }
+
+    /// Where in its cell a value belongs: 0 at the lower edge, .5 at the centre.
+    pub(super) fn anchor(&self) -> f64 {
+        match self {
             Self::Standard { anchor: Anchor::Edge, .. } => 0.0,
             _ => 0.5,
-        };
-        self.edge(axis, k as f64 + offset)
+        }
     }
 
     /// The angle, in radians, at the position `x` along `axis`; bin k covers k to k + 1.
@@ -92,12 +96,22 @@ impl Grid {
     /// coordinates.
     pub(super) fn bins_of(&self, other: Self, axis: usize) -> Vec<usize> {
         let n = self.shape()[axis];
-        let bin = |angle: f64| match (self, axis) {
-            (_, 2) => bin_of_turn(angle.rem_euclid(self.phi_span()) / self.phi_span() * n as f64, n),
-            (Self::HalfDifference { .. }, 0) => bin((angle / FRAC_PI_2).sqrt() * n as f64, n),
-            _ => bin(angle / FRAC_PI_2 * n as f64, n),
+        let bin = |x: f64| if axis == 2 { bin_of_turn(x, n) } else { bin(x, n) };
+        self.positions_of(other, axis).map(bin).collect()
+    }
+
+    /// For each index of `other` along `axis`, where its angle lies along that axis of `self`; both grids have the same
+    /// coordinates.
+    pub(super) fn positions_of(&self, other: Self, axis: usize) -> impl Iterator<Item = f64> {
+        let n = self.shape()[axis] as f64;
+        let span = self.phi_span();
+        let root = axis == 0 && matches!(self, Self::HalfDifference { .. });
+        let position = move |angle: f64| match axis {
+            2 => angle.rem_euclid(span) / span * n,
+            _ if root => (angle / FRAC_PI_2).sqrt() * n,
+            _ => angle / FRAC_PI_2 * n,
         };
-        (0..other.shape()[axis]).map(|k| bin(other.angle(axis, k))).collect()
+        (0..other.shape()[axis]).map(move |k| position(other.angle(axis, k)))
     }
 
     /// The range of the last axis: half a turn where reciprocity makes the other half redundant.
@@ -124,30 +138,32 @@ impl Grid {
 
     /// The cell that contains a pair of directions; `None` when either is below the horizon.
     pub fn cell(&self, wi: Vec3, wo: Vec3) -> Option<usize> {
+        let [n0, n1, n2] = self.shape();
+        let [a, b, phi] = self.position(wi, wo)?;
+        Some((bin(a, n0) * n1 + bin(b, n1)) * n2 + bin_of_turn(phi, n2))
+    }
+
+    /// Where a pair of directions lies along each axis; bin k covers k to k + 1. `None` when either is below the horizon.
+    pub(super) fn position(&self, wi: Vec3, wo: Vec3) -> Option<[f64; 3]> {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return None;
         }
-        let [n0, n1, n2] = self.shape();
-        let (i, j, k) = match *self {
+        let [n0, n1, n2] = self.shape().map(|n| n as f64);
+        Some(match *self {
             Self::HalfDifference { .. } => {
                 let c = half_difference(wi, wo);
                 let span = self.phi_span();
                 let phi = if span < 4.0 { fold_reciprocal(c.phi_d) } else { c.phi_d.rem_euclid(span) };
-                (
-                    bin((c.theta_h / FRAC_PI_2).max(0.0).sqrt() * n0 as f64, n0),
-                    bin(c.theta_d / FRAC_PI_2 * n1 as f64, n1),
-                    bin_of_turn(phi / span * n2 as f64, n2),
-                )
+                [(c.theta_h / FRAC_PI_2).max(0.0).sqrt() * n0, c.theta_d / FRAC_PI_2 * n1, phi / span * n2]
             }
             Self::Standard { .. } => {
                 let polar = |w: Vec3| (w.x * w.x + w.y * w.y).sqrt().atan2(w.z) / FRAC_PI_2;
                 // The pole has no azimuth; `atan2` would make one up from the signs of its zeros.
                 let azimuth = |w: Vec3| if w.x == 0.0 && w.y == 0.0 { 0.0 } else { w.y.atan2(w.x) };
                 let phi = (azimuth(wo) - azimuth(wi)).rem_euclid(2.0 * PI) / (2.0 * PI);
-                (bin(polar(wi) * n0 as f64, n0), bin(polar(wo) * n1 as f64, n1), bin_of_turn(phi * n2 as f64, n2))
+                [polar(wi) * n0, polar(wo) * n1, phi * n2]
             }
-        };
-        Some((i * n1 + j) * n2 + k)
+        })
     }
 }
 

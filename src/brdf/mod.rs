@@ -4,12 +4,15 @@ mod cell_finder;
 mod error;
 pub mod formats;
 mod grid;
+mod interpolation;
 pub mod models;
 mod source;
 mod tabulated;
 
 pub use error::BrdfError;
+pub(crate) use error::shown;
 pub use grid::{Anchor, Grid, GridDirections};
+pub use interpolation::{ConversionLoss, on_grid};
 pub use source::{BrdfSource, ContentHash, OpenBrdf};
 pub use tabulated::{TableError, TabulatedBrdf};
 

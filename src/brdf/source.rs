@@ -171,7 +171,10 @@ impl<'a> Parsed<'a> {
         Ok(match self.kind {
             Kind::Merl | Kind::Titopo => {
                 let bytes = map(path)?;
-                let decode = if self.kind == Kind::Merl { merl::decode } else { titopo::decode };
+                let merl = self.kind == Kind::Merl;
+                // No hash of a file that is no table, which may be of any size.
+                if merl { merl::grid(path, &bytes) } else { titopo::grid(path, &bytes) }?;
+                let decode = if merl { merl::decode } else { titopo::decode };
                 let (table, content) = rayon::join(|| decode(path, &bytes), || ContentHash::of(&bytes));
                 (content, Arc::new(table?))
             }

@@ -6,17 +6,21 @@
 //! `method_family` (default: the method) and `material_type`.
 
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
+use crate::brdf::formats::read_at_most;
 use crate::brdf::{BrdfSource, ContentHash};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 const REQUIRED: [&str; 3] = ["reference", "candidate", "mos"];
 const OPTIONAL: [&str; 6] = ["weight", "material", "group", "method", "method_family", "material_type"];
 
+/// Largest table of text that is read.
+pub(super) const MOST_BYTES: u64 = 256 << 20;
+
 /// Loads the study in the file at `path`.
 pub fn load(path: &Path) -> Result<Study, DatasetError> {
     let unreadable = |e: std::io::Error| DatasetError::Unreadable { path: path.into(), reason: e.to_string() };
-    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let bytes = read_at_most(path, MOST_BYTES).map_err(unreadable)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let pairs = parse(path, &bytes, folder)?;
     let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
@@ -35,6 +39,7 @@ fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, Dat
     let columns = check_header(path, &header)?;
     let mut pairs: Vec<RatedPair> = Vec::new();
     let mut groups: BTreeMap<String, (String, u64)> = BTreeMap::new();
+    let mut seen = BTreeSet::new();
     for record in reader.records() {
         let record = record.map_err(|e| csv_error(path, &e))?;
         let line = line_of(bytes, &record);
@@ -42,12 +47,20 @@ fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, Dat
             let (found, allowed) = (record.len().to_string(), format!("{} as in the header", header.len()));
             return Err(field(path, line, "the number of fields", found, allowed));
         }
+        if let Some(i) = record.iter().position(|f| f.contains(|c: char| c.is_control() && c != '\t')) {
+            let allowed = "text in one line; is a quotation mark missing?".into();
+            return Err(field(path, line, &header[i], format!("`{}`", &record[i]), allowed));
+        }
         let cell = |name: &str| columns.get(name).and_then(|&i| record.get(i)).unwrap_or("");
         let pair = parse_row(path, line, &cell, folder)?;
         let (group, first) = groups.entry(pair.material.clone()).or_insert_with(|| (pair.group.clone(), line));
         if *group != pair.group {
             let allowed = format!("`{group}`, the group of material {} on line {first}", pair.material);
             return Err(field(path, line, "group", format!("`{}`", pair.group), allowed));
+        }
+        if !seen.insert(["reference", "candidate", "material", "method"].map(|name| cell(name).to_owned())) {
+            let found = format!("`{}`, `{}` again", cell("reference"), cell("candidate"));
+            return Err(field(path, line, "the pair", found, "one row a pair and method".into()));
         }
         pairs.push(pair);
     }

@@ -1,6 +1,6 @@
 //! What can be wrong with a study.
 
-use crate::brdf::BrdfError;
+use crate::brdf::{BrdfError, shown};
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -13,7 +13,7 @@ pub enum DatasetError {
     NoDataFolder { study: String, needs: String },
     #[error("study {study}: {} is missing; get it from {from}", path.display())]
     MissingFile { study: String, path: PathBuf, from: String },
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: {}", path.display(), shown(reason, 400))]
     Unreadable { path: PathBuf, reason: String },
     #[error("{place}: found {found}; allowed: {allowed}")]
     Content { place: String, found: String, allowed: String },
@@ -21,7 +21,7 @@ pub enum DatasetError {
     Fetch { address: String, reason: String },
     #[error("{}: cannot be written: {cause}", path.display())]
     Write { path: PathBuf, cause: std::io::Error },
-    #[error("{}: line {line}: {field} is {found}; allowed: {allowed}", path.display())]
+    #[error("{}: line {line}: {field} is {}; allowed: {}", path.display(), shown(found, 200), shown(allowed, 1000))]
     Field { path: PathBuf, line: u64, field: String, found: String, allowed: String },
     #[error("{}: line {line}: {column}: {cause}", path.display())]
     Source { path: PathBuf, line: u64, column: &'static str, cause: Box<BrdfError> },

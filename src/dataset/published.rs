@@ -1,9 +1,11 @@
 //! Published studies in a data folder, as their manifests describe them.
 
+use super::csv_study::MOST_BYTES;
 use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
 use super::opinions::{Scores, Stimulus, StudyOpinions};
 use super::ratings::{Rating, read_ratings, read_types};
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile, raw_ratings};
+use crate::brdf::formats::read_at_most;
 use crate::brdf::{BrdfSource, ContentHash};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -119,7 +121,7 @@ fn no_pairs(manifest: &Manifest, data: &Path, ratings: usize) -> DatasetError {
 
 fn read_pinned(study: &str, data: &Path, pinned: &PinnedFile) -> Result<(Vec<u8>, StudyFile), DatasetError> {
     let path = data.join(&pinned.path);
-    let bytes = match std::fs::read(&path) {
+    let bytes = match read_at_most(&path, MOST_BYTES) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
             return Err(DatasetError::MissingFile { study: study.into(), path, from: pinned.origin() });

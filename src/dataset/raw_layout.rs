@@ -14,9 +14,13 @@
 use super::DatasetError;
 use super::opinions::REFERENCE;
 use super::raw_ratings::{OPTIONAL, REQUIRED};
+use crate::brdf::formats::read_at_most;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// Far more than a layout needs.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// How a file of raw ratings is written.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -70,7 +74,8 @@ impl RawLayout {
             return Ok((Self::default(), path.into()));
         }
         let unreadable = |reason: String| DatasetError::Unreadable { path: path.into(), reason };
-        let text = std::fs::read_to_string(path).map_err(|e| unreadable(e.to_string()))?;
+        let bytes = read_at_most(path, MOST_BYTES).map_err(|e| unreadable(e.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|e| unreadable(e.to_string()))?;
         let layout: Self = toml::from_str(&text).map_err(|e| unreadable(e.to_string().trim().replace('\n', " ")))?;
         if layout.file.is_empty() {
             return Err(unreadable("`file` is missing; allowed: the name of a CSV file beside it".into()));

@@ -5,11 +5,12 @@
 //! (the expected score of a control question, empty for every other row), `group` and `material_type`.
 //! [`RawLayout`] maps other columns to these.
 
-use super::csv_study::{csv_error, line_of};
+use super::csv_study::{MOST_BYTES, csv_error, line_of};
 use super::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions};
 use super::raw_layout::RawLayout;
 use super::{Completeness, DatasetError, StudyFile};
 use crate::brdf::ContentHash;
+use crate::brdf::formats::read_at_most;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -56,7 +57,7 @@ pub struct RawRatings {
 /// there twice, a material in two groups or of two types, no judgement, or a single participant.
 pub fn load(path: &Path, layout: &RawLayout) -> Result<StudyOpinions, DatasetError> {
     let unreadable = |e: std::io::Error| DatasetError::Unreadable { path: path.into(), reason: e.to_string() };
-    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let bytes = read_at_most(path, MOST_BYTES).map_err(unreadable)?;
     let (stimuli, raw) = parse(path, &bytes, layout)?;
     let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let file = StudyFile { name: file_name, content: ContentHash::of(&bytes), as_published: None };

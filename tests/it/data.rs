@@ -1,6 +1,8 @@
 //! Getting, comparing and converting the files of a study.
 
+mod convert;
 mod fetch;
+mod fuzz;
 #[cfg(feature = "fetch")]
 mod server;
 

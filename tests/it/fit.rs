@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
-use vernis::brdf::models::{AnalyticBrdf, build};
+use vernis::brdf::models::build;
 use vernis::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf};
 use vernis::fit::loss::{LearnedLoss, Loss, LpLoss};
 use vernis::fit::optimizer::{Method, StopReason};

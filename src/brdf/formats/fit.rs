@@ -20,6 +20,9 @@ use crate::brdf::models::{FieldError, NamedParameters};
 use std::collections::BTreeSet;
 use std::path::Path;
 
+/// Far more than the published files of 100 materials have.
+const MOST_BYTES: u64 = 16 << 20;
+
 /// How a model of the files maps to ours.
 struct Mapping {
     name: &'static str,
@@ -194,7 +197,11 @@ impl Call {
 }
 
 fn parse(path: &Path) -> Result<Vec<Entry>, BrdfError> {
-    let text = std::fs::read_to_string(path).map_err(super::io_error(path))?;
+    let bytes = super::read_at_most(path, MOST_BYTES).map_err(super::io_error(path))?;
+    let text = String::from_utf8(bytes).map_err(|e| {
+        let (path, at) = (path.to_owned(), e.utf8_error().valid_up_to());
+        BrdfError::Malformed { path, format: "file of fits", reason: format!("byte {at} is no text in UTF-8") }
+    })?;
     let mut seen = BTreeSet::new();
     let mut entries = Vec::new();
     for (index, line) in text.lines().enumerate() {

@@ -33,20 +33,7 @@ pub fn read(path: &Path) -> Result<TabulatedBrdf, BrdfError> {
 
 /// The table in the bytes of a file; `path` is for messages.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
-    let size =
-        |allowed: String| BrdfError::Size { path: path.to_owned(), format: "MERL", found: bytes.len() as u64, allowed };
-    let (Some(header), true) = (bytes.get(..HEADER), bytes.len() > HEADER) else {
-        return Err(size(format!("{} or {}", file_size(Grid::MERL), file_size(Grid::MERL_FULL))));
-    };
-    let found: [i32; 3] = std::array::from_fn(|k| i32::from_le_bytes(std::array::from_fn(|b| header[4 * k + b])));
-    let grid = match found {
-        [90, 90, 180] => Grid::MERL,
-        [90, 90, 360] => Grid::MERL_FULL,
-        _ => return Err(BrdfError::Header { path: path.to_owned(), found }),
-    };
-    if bytes.len() != file_size(grid) {
-        return Err(size(format!("{} for its header 90x90x{}", file_size(grid), grid.shape()[2])));
-    }
+    let grid = grid(path, bytes)?;
     let (numbers, _) = bytes[HEADER..].as_chunks::<8>();
     let n = grid.len();
     let stored = |channel: usize, cell: usize| f64::from_le_bytes(numbers[channel * n + cell]);
@@ -71,6 +58,25 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
         });
     }
     TabulatedBrdf::new(grid, values, valid).map_err(table_error(path))
+}
+
+/// The grid of the table in the bytes of a file, by its size and header alone.
+pub(in crate::brdf) fn grid(path: &Path, bytes: &[u8]) -> Result<Grid, BrdfError> {
+    let size =
+        |allowed: String| BrdfError::Size { path: path.to_owned(), format: "MERL", found: bytes.len() as u64, allowed };
+    let (Some(header), true) = (bytes.get(..HEADER), bytes.len() > HEADER) else {
+        return Err(size(format!("{} or {}", file_size(Grid::MERL), file_size(Grid::MERL_FULL))));
+    };
+    let found: [i32; 3] = std::array::from_fn(|k| i32::from_le_bytes(std::array::from_fn(|b| header[4 * k + b])));
+    let grid = match found {
+        [90, 90, 180] => Grid::MERL,
+        [90, 90, 360] => Grid::MERL_FULL,
+        _ => return Err(BrdfError::Header { path: path.to_owned(), found }),
+    };
+    if bytes.len() != file_size(grid) {
+        return Err(size(format!("{} for its header 90x90x{}", file_size(grid), grid.shape()[2])));
+    }
+    Ok(grid)
 }
 
 /// Writes a table on [`Grid::MERL`] or [`Grid::MERL_FULL`]; masked cells become -1.

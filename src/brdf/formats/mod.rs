@@ -10,7 +10,7 @@ pub mod titopo;
 use super::{BrdfError, Grid, TableError, TabulatedBrdf};
 use memmap2::Mmap;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
 /// The materials that an archive of networks (`.zip`), a file of fits (`.fit`) or a factor file (`.bin`) holds, sorted.
@@ -50,6 +50,23 @@ pub(super) fn map(path: &Path) -> Result<Mmap, BrdfError> {
     // SAFETY: the map is read-only and private to the reader of one file, which ends before it returns. Another
     // process that shortens the file meanwhile would stop this one; no file of this kind is written in place.
     unsafe { Mmap::map(&file) }.map_err(io_error(path))
+}
+
+/// The bytes of a file of at most `most` bytes.
+///
+/// # Errors
+/// What the operating system says, or that there is more: nothing beyond is read.
+pub(crate) fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        let found = std::fs::metadata(path)?.len().max(most + 1);
+        return Err(io::Error::new(
+            io::ErrorKind::FileTooLarge,
+            format!("the file has at least {found} bytes; allowed: at most {most}"),
+        ));
+    }
+    Ok(bytes)
 }
 
 /// Writes a file through a temporary name in the same folder, so that a failure leaves an earlier file intact.

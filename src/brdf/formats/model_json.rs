@@ -13,10 +13,12 @@ use std::path::Path;
 
 /// The format of files of fits that this version writes; older ones keep being read.
 pub const FIT_FORMAT: u32 = 1;
+/// Far more than any model needs.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// The parameters in the file at `path`, not yet checked against the model's bounds.
 pub fn read(path: &Path) -> Result<NamedParameters, BrdfError> {
-    let text = std::fs::read(path).map_err(super::io_error(path))?;
+    let text = super::read_at_most(path, MOST_BYTES).map_err(super::io_error(path))?;
     parse(&path.display().to_string(), &text).map_err(|e| match e {
         // Only this error depends on where the text came from.
         ParseError::Json(reason) => BrdfError::Malformed { path: path.to_owned(), format: "model in JSON", reason },

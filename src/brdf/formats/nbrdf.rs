@@ -10,7 +10,7 @@
 //! compiler vectorises over them; every pair sees the same operations in the same order on every path, so that
 //! neither the batch nor the instruction set changes a result.
 
-use super::{io_error, map};
+use super::map;
 use crate::brdf::error::nearest;
 use crate::brdf::{Brdf, BrdfError};
 use crate::math::coordinates::half_and_difference_vectors;
@@ -22,6 +22,10 @@ use zip::ZipArchive;
 const INPUTS: usize = 6;
 const HIDDEN: usize = 21;
 const LANES: usize = 32;
+/// A network has 19 kB.
+const MOST_BYTES: u64 = 1 << 20;
+/// The published archive of 100 networks has half a megabyte.
+const MOST_ARCHIVE_BYTES: usize = 1 << 30;
 
 /// A material's network.
 #[derive(Debug, Clone)]
@@ -161,7 +165,12 @@ pub fn materials(path: &Path) -> Result<Vec<String>, BrdfError> {
 pub fn member(path: &Path, material: &str) -> Result<Vec<u8>, BrdfError> {
     let map = map(path)?;
     let mut archive = open(path, &map)?;
-    let name = archive.file_names().find(|n| material_of(n) == Some(material)).map(str::to_owned);
+    let mut members = archive.file_names().filter(|n| material_of(n) == Some(material)).map(str::to_owned);
+    let (name, second) = (members.next(), members.next());
+    drop(members);
+    if let (Some(first), Some(second)) = (&name, second) {
+        return Err(malformed(path, format!("{first} and {second} are both of {material}; allowed: one member")));
+    }
     let Some(name) = name else {
         return Err(BrdfError::UnknownMaterial {
             path: path.to_owned(),
@@ -171,8 +180,12 @@ pub fn member(path: &Path, material: &str) -> Result<Vec<u8>, BrdfError> {
     };
     let mut file = archive.by_name(&name).map_err(|e| malformed(path, e.to_string()))?;
     let mut bytes = Vec::new();
-    // A network has 19 kB; a member that claims gigabytes is not one.
-    file.by_ref().take(1 << 24).read_to_end(&mut bytes).map_err(io_error(path))?;
+    // What the archive says of the size need not be so.
+    let read = file.by_ref().take(MOST_BYTES + 1).read_to_end(&mut bytes);
+    read.map_err(|e| malformed(path, format!("{name}: {e}")))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(malformed(path, format!("{name}: more than {MOST_BYTES} bytes; allowed: at most that many")));
+    }
     Ok(bytes)
 }
 
@@ -187,6 +200,12 @@ pub fn decode(path: &Path, material: &str, bytes: Vec<u8>) -> Result<Nbrdf, Brdf
 }
 
 fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<ZipArchive<Cursor<&'a [u8]>>, BrdfError> {
+    if bytes.len() > MOST_ARCHIVE_BYTES {
+        // Its directory is looked for from the end to the beginning.
+        let allowed = format!("at most {MOST_ARCHIVE_BYTES}");
+        let (path, found) = (path.to_owned(), bytes.len() as u64);
+        return Err(BrdfError::Size { path, format: "an archive of NBRDF networks", found, allowed });
+    }
     ZipArchive::new(Cursor::new(bytes)).map_err(|e| malformed(path, e.to_string()))
 }
 

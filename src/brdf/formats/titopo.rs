@@ -23,16 +23,7 @@ pub fn read(path: &Path) -> Result<TabulatedBrdf, BrdfError> {
 
 /// The table in the bytes of a file whose name is `path`.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
-    let (format, grid) = kind(path);
-    let allowed = 12 * grid.len();
-    if bytes.len() != allowed {
-        return Err(BrdfError::Size {
-            path: path.to_owned(),
-            format,
-            found: bytes.len() as u64,
-            allowed: format!("exactly {allowed}"),
-        });
-    }
+    let grid = grid(path, bytes)?;
     let (cells, _) = bytes.as_chunks::<12>();
     let (values, valid): (Vec<[f32; 3]>, Vec<bool>) = cells
         .par_iter()
@@ -43,6 +34,17 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
         })
         .unzip();
     TabulatedBrdf::new(grid, values, valid).map_err(table_error(path))
+}
+
+/// The grid of the table in the bytes of a file, by its size alone.
+pub(in crate::brdf) fn grid(path: &Path, bytes: &[u8]) -> Result<Grid, BrdfError> {
+    let (format, grid) = kind(path);
+    let allowed = 12 * grid.len();
+    if bytes.len() == allowed {
+        return Ok(grid);
+    }
+    let (path, found) = (path.to_owned(), bytes.len() as u64);
+    Err(BrdfError::Size { path, format, found, allowed: format!("exactly {allowed}") })
 }
 
 /// Writes a table on the grid that the extension of `path` stands for; masked cells become NaN.

@@ -1,5 +1,6 @@
 //! `vernis data`: studies and the files they need.
 
+mod convert;
 mod files;
 
 use super::{Shared, print};
@@ -27,6 +28,8 @@ enum DataCommand {
     Fetch(files::FetchArgs),
     /// Compare the files of studies in the data folder with their pinned sizes and SHA-256.
     Verify(files::VerifyArgs),
+    /// Write a BRDF as a table in another file format, and say what is lost.
+    Convert(convert::ConvertArgs),
 }
 
 pub fn run(shared: &Shared, args: DataArgs) -> Result<()> {
@@ -34,6 +37,7 @@ pub fn run(shared: &Shared, args: DataArgs) -> Result<()> {
         DataCommand::List { json } => list(shared, json),
         DataCommand::Fetch(args) => files::fetch(shared, args),
         DataCommand::Verify(args) => files::verify(shared, args),
+        DataCommand::Convert(args) => convert::run(shared, args),
     }
 }
 

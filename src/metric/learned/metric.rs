@@ -4,10 +4,14 @@
 
 use super::exported::{ExportedError, ExportedMetric, Score};
 use crate::brdf::Brdf;
+use crate::brdf::formats::read_at_most;
 use crate::descriptor::{BrdfFeatures, Setup};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
 use std::path::Path;
 use std::sync::Arc;
+
+/// Far more than an ensemble of networks needs.
+const MOST_BYTES: u64 = 256 << 20;
 
 /// The text of the metric that comes with the library.
 const SHIPPED: &str = include_str!("vernis.vernis.json");
@@ -42,8 +46,9 @@ impl LearnedMetric {
     /// A file that cannot be read, is no exported metric, is of a newer format, or takes other descriptors.
     pub fn load(path: &Path) -> Result<Self, ExportedError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| ExportedError::Read { file: file.clone(), reason: e.to_string() })?;
+        let unreadable = |reason: String| ExportedError::Read { file: file.clone(), reason };
+        let bytes = read_at_most(path, MOST_BYTES).map_err(|e| unreadable(e.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|e| unreadable(e.to_string()))?;
         Self::parse(&text, &file)
     }
 

@@ -13,10 +13,10 @@ const LOSSES: &str = "\
 Values are interpolated between samples. What that loses, for GGX of roughness .2: the median and the 99th percentile of
 the relative difference |a - b| / max(a, b) to the first table after the way there and back:
 
-  .binary  -> .titopo  -> .binary     LOSS_A
-  .binary  -> .titopoh -> .binary     LOSS_B
-  .titopo  -> .binary  -> .titopo     LOSS_C
-  .titopo  -> .titopoh -> .titopo     LOSS_D
+  .binary  -> .titopo  -> .binary     0.00059 and 0.0525
+  .binary  -> .titopoh -> .binary     0.00158 and 0.1127
+  .titopo  -> .binary  -> .titopo     0.00020 and 0.0058
+  .titopo  -> .titopoh -> .titopo     0.00010 and 0.0137
   .titopoh -> .titopo  -> .titopoh    0 and 0
   .binary  with --phi 360 and back    0 and 0
 

@@ -1,5 +1,5 @@
 //! The Sinkhorn divergence of three channels, as `ot` takes it: three sizes, default and fast, prepared and not, beside sums
-//! over all pairs with the standard library on a small size.
+//! over all pairs with the standard library on a small size; the energy distance; two workers beside one.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench transport` for one thread.
 
@@ -8,10 +8,14 @@
 mod transport_pairs;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::hint::black_box;
 use std::time::Duration;
 use transport_pairs::Model;
-use vernis::metric::graph::GraphGrid;
+use vernis::brdf::models::Ggx;
+use vernis::metric::graph::{CosineTable, GraphGrid};
+use vernis::metric::registry::Registry;
 use vernis::metric::transport::{
     Accuracy, GroundCost, PreparedChannel, SinkhornParameters, divergence, divergence_and_gradient,
 };
@@ -86,5 +90,42 @@ fn all_pairs(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, transport, all_pairs);
+/// The metric `energy`, its reference prepared, the candidate a table.
+fn energy(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("energy, three channels");
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));
+    let metal = |alpha| Ggx { kd: [0.01; 3], f0: [0.95, 0.64, 0.54], alpha };
+    let registry = Registry::standard().expect("a registry");
+    for size in ["9x9x36", "45x45x180", "90x90x360"] {
+        let metric = registry.get(&format!("energy[grid={size}]")).expect("a metric");
+        let graph = metric.as_graph().expect("a metric on graphs");
+        let table = |alpha| CosineTable::of(&metal(alpha), graph.grid(), "a metal").expect("a table");
+        let (reference, candidate) = (table(0.02f64.sqrt()), table(0.03f64.sqrt()));
+        let prepared = graph.prepare_table(Cow::Owned(reference)).expect("valid");
+        group.bench_function(size, |bencher| {
+            bencher.iter(|| black_box(prepared.channels(&candidate).expect("divergences")));
+        });
+    }
+    group.finish();
+}
+
+/// Eight divergences of one channel shared by one worker and by two.
+fn workers(criterion: &mut Criterion) {
+    let study = SinkhornParameters::new(GroundCost::SquaredDistance, ALPHA, BLUR, SCALING).expect("parameters");
+    let [pair, ..] = graphs(GraphGrid::STUDY);
+    let prepare = |values: &[f64]| PreparedChannel::new(&study, GraphGrid::STUDY, values, None).expect("a channel");
+    let [a, b] = pair.each_ref().map(|values| prepare(values));
+    let mut group = criterion.benchmark_group("ot, 8 channels of 45x45x180");
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        group.bench_function(format!("{threads} workers"), |bencher| {
+            let each = |_| black_box(divergence(&study, &a, &b).expect("a divergence"));
+            bencher.iter(|| pool.install(|| (0..8).into_par_iter().map(each).sum::<f64>()));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, transport, all_pairs, energy, workers);
 criterion_main!(benches);

@@ -8,11 +8,13 @@ use super::matrix::MatrixError;
 use crate::brdf::{BrdfSource, OpenBrdf};
 use crate::dataset::samples::{Column, Role};
 use crate::descriptor::{Cache, CacheWarning, Progress};
-use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, combine};
+use crate::metric::graph::{CosineTable, GraphGrid, GraphMetric, PreparedTable, combine};
 use crate::metric::{Metric, MetricError};
 use ndarray::Array2;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -23,7 +25,7 @@ pub const TRANSPORT_FAMILY: &str = "transport";
 pub const ENERGY_FAMILY: &str = "energy";
 
 /// Part of the cache key: raise it when a distance changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// One column a metric, with the metric's own name.
 pub fn columns(metrics: &[Arc<dyn Metric>]) -> Vec<Column> {
@@ -52,11 +54,27 @@ impl<'a> Tables<'a> {
         Self { open, side, made: BTreeMap::new() }
     }
 
-    fn make(&mut self, grid: GraphGrid) -> Result<(), MetricError> {
-        if !self.made.contains_key(&grid) {
-            self.made.insert(grid, CosineTable::of(self.open.brdf.as_ref(), grid, self.side)?);
-        }
-        Ok(())
+    fn on(&mut self, grid: GraphGrid) -> Result<&CosineTable, MetricError> {
+        Ok(match self.made.entry(grid) {
+            Entry::Occupied(table) => table.into_mut(),
+            Entry::Vacant(place) => place.insert(CosineTable::of(self.open.brdf.as_ref(), grid, self.side)?),
+        })
+    }
+}
+
+/// The reference of some pairs: its tables, and what the metrics, in their order, have made of them.
+struct Reference<'a> {
+    tables: Tables<'a>,
+    prepared: Vec<Option<Box<dyn PreparedTable + 'a>>>,
+}
+
+impl<'a> Reference<'a> {
+    fn on(&mut self, number: usize, graph: &'a dyn GraphMetric) -> Result<&dyn PreparedTable, MetricError> {
+        let prepared = match self.prepared[number].take() {
+            Some(prepared) => prepared,
+            None => graph.prepare_table(Cow::Owned(self.tables.on(graph.grid())?.clone()))?,
+        };
+        Ok(&**self.prepared[number].insert(prepared))
     }
 }
 
@@ -72,11 +90,12 @@ impl GraphDistances<'_> {
         let of_group = |indices: &Vec<usize>| -> Result<Vec<Row>, MatrixError> {
             let Some(&first) = indices.first() else { return Ok(Vec::new()) };
             let reference = pairs[first].0.open(self.base)?;
-            let mut tables = Tables::new(&reference, "reference");
+            let prepared = self.metrics.iter().map(|_| None).collect();
+            let mut of_reference = Reference { tables: Tables::new(&reference, "reference"), prepared };
             let mut rows = Vec::with_capacity(indices.len());
             for &i in indices {
                 let candidate = pairs[i].1.open(self.base)?;
-                let (values, warnings) = self.of_pair(&mut tables, &candidate)?;
+                let (values, warnings) = self.of_pair(&mut of_reference, &candidate)?;
                 rows.push((i, values, warnings));
                 (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
             }
@@ -93,26 +112,30 @@ impl GraphDistances<'_> {
         Ok((values, warnings))
     }
 
-    fn of_pair(
-        &self,
-        reference: &mut Tables<'_>,
+    fn of_pair<'b>(
+        &'b self,
+        reference: &mut Reference<'b>,
         candidate: &OpenBrdf,
     ) -> Result<(Vec<f64>, Vec<CacheWarning>), MatrixError> {
-        let names = (reference.open.notation.clone(), candidate.notation.clone());
+        let names = (reference.tables.open.notation.clone(), candidate.notation.clone());
         let failed = |source| {
             let (reference, candidate) = names.clone();
             MatrixError::Graph { reference, candidate, source: Box::new(source) }
         };
         let mut candidate = Tables::new(candidate, "candidate");
         let (mut values, mut warnings) = (Vec::with_capacity(self.metrics.len()), Vec::new());
-        for graph in self.metrics.iter().filter_map(|m| m.as_graph()) {
-            let contents = (reference.open.content, candidate.open.content);
+        for (number, graph) in self.metrics.iter().enumerate().filter_map(|(k, m)| Some((k, m.as_graph()?))) {
+            let contents = (reference.tables.open.content, candidate.open.content);
             let key = format!("graph {VERSION} {} {} {} {}", graph.name(), graph.grid(), contents.0, contents.1);
             let kept = self.cache.and_then(|c| c.load_values(&key)).and_then(|v| v.first().copied());
             let value = match kept {
                 Some(value) => value,
                 None => {
-                    let value = distance(graph, reference, &mut candidate).map_err(failed)?;
+                    let mut distance = || {
+                        let channels = reference.on(number, graph)?.channels(candidate.on(graph.grid())?)?;
+                        combine(graph.name(), channels, graph.gamma())
+                    };
+                    let value = distance().map_err(failed)?;
                     warnings.extend(self.cache.and_then(|c| c.store_values(&key, &[value]).err()));
                     value
                 }
@@ -121,17 +144,4 @@ impl GraphDistances<'_> {
         }
         Ok((values, warnings))
     }
-}
-
-fn distance(
-    graph: &dyn GraphMetric,
-    reference: &mut Tables<'_>,
-    candidate: &mut Tables<'_>,
-) -> Result<f64, MetricError> {
-    let grid = graph.grid();
-    reference.make(grid)?;
-    candidate.make(grid)?;
-    let missing = || MetricError::NoTable { grid };
-    let (a, b) = (reference.made.get(&grid).ok_or_else(missing)?, candidate.made.get(&grid).ok_or_else(missing)?);
-    combine(graph.name(), graph.channels(a, b)?, graph.gamma())
 }

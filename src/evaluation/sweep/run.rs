@@ -9,6 +9,8 @@ use crate::metric::MetricError;
 use crate::metric::registry::Registry;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// Raised when a divergence changes: files of older versions are computed again.
 const VERSION: u32 = 1;
@@ -90,24 +92,33 @@ pub fn compute(
         name: combination.to_string(),
         judged: "metrics on graphs".to_owned(),
     })?;
-    let of_pair = |index: usize| {
-        let (reference, candidate) = tables.pair(index)?;
-        let channels = graph.channels(&reference, &candidate);
-        progress();
-        match channels {
-            Ok(channels) => Ok(Ok(channels)),
-            // The combination's fault, not the pair's.
-            Err(MetricError::NotComputed { reason, .. }) => Ok(Err(reason)),
-            Err(other) => Err(failed(index)(other)),
-        }
+    // The combination's fault, not the pair's.
+    let sort = |index: usize, found: Result<[f64; 3], MetricError>| match found {
+        Ok(channels) => Ok(Ok(channels)),
+        Err(MetricError::NotComputed { reason, .. }) => Ok(Err(reason)),
+        Err(other) => Err(failed(index)(other)),
     };
     // The first pair tells whether the method covers the combination at all.
-    let first = match of_pair(0)? {
-        Ok(channels) => channels,
-        Err(reason) => return Ok(Outcome::Refused { reason }),
+    if let Err(reason) = sort(0, graph.channels(&tables.reference(0)?, &tables.candidate(0)?))? {
+        return Ok(Outcome::Refused { reason });
+    }
+    let of_reference = |indices: &Vec<usize>| -> Result<Vec<(usize, Result<[f64; 3], String>)>, EvaluationError> {
+        let prepared = match graph.prepare_table(Cow::Owned(tables.reference(indices[0])?)) {
+            Ok(prepared) => prepared,
+            Err(MetricError::NotComputed { reason, .. }) => return Ok(vec![(indices[0], Err(reason))]),
+            Err(other) => return Err(failed(indices[0])(other)),
+        };
+        let of_pair = |&index: &usize| {
+            let found = sort(index, prepared.channels(&tables.candidate(index)?))?;
+            progress();
+            Ok((index, found))
+        };
+        indices.iter().map(of_pair).collect()
     };
-    let rest = (1..tables.len()).into_par_iter().map(of_pair).collect::<Result<Vec<_>, EvaluationError>>()?;
-    Ok(match std::iter::once(Ok(first)).chain(rest).collect::<Result<Vec<_>, String>>() {
+    let groups = tables.by_reference();
+    let found = groups.par_iter().map(of_reference).collect::<Result<Vec<_>, EvaluationError>>()?;
+    let found: BTreeMap<usize, Result<[f64; 3], String>> = found.into_iter().flatten().collect();
+    Ok(match found.into_values().collect::<Result<Vec<_>, String>>() {
         Ok(channels) => Outcome::Computed { channels },
         Err(reason) => Outcome::Refused { reason },
     })

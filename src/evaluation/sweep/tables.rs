@@ -62,10 +62,21 @@ impl StudyTables {
         self.pairs.is_empty()
     }
 
-    /// The tables of a pair: reference, candidate.
-    pub(super) fn pair(&self, index: usize) -> Result<(CosineTable, CosineTable), EvaluationError> {
-        let (reference, candidate) = self.pairs[index];
-        Ok((self.table(reference)?, self.table(candidate)?))
+    /// The pairs of every reference.
+    pub(super) fn by_reference(&self) -> Vec<Vec<usize>> {
+        let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        self.pairs.iter().enumerate().for_each(|(index, pair)| groups.entry(pair.0).or_default().push(index));
+        groups.into_values().collect()
+    }
+
+    /// The table of a pair's reference.
+    pub(super) fn reference(&self, index: usize) -> Result<CosineTable, EvaluationError> {
+        self.table(self.pairs[index].0)
+    }
+
+    /// The table of a pair's candidate.
+    pub(super) fn candidate(&self, index: usize) -> Result<CosineTable, EvaluationError> {
+        self.table(self.pairs[index].1)
     }
 
     /// What a pair's BRDFs were opened from.

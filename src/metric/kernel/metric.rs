@@ -3,8 +3,11 @@
 use super::divergence::{DIRECT, Pair, Setting};
 use super::mixture::Kernel;
 use crate::brdf::Brdf;
-use crate::metric::graph::{ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
+use crate::metric::graph::{
+    ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
+};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Energy distance, Gaussian or Laplacian MMD between the graphs of two BRDFs.
@@ -114,7 +117,7 @@ impl Metric for KernelMetric {
     }
 
     fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
-        Ok(Box::new(PreparedGraph::new(self, CosineTable::of(reference, self.grid(), "reference")?)))
+        Ok(Box::new(PreparedGraph::new(self, reference)?))
     }
 
     fn as_graph(&self) -> Option<&dyn GraphMetric> {
@@ -139,15 +142,27 @@ impl GraphMetric for KernelMetric {
         self.gamma
     }
 
-    fn channels(&self, reference: &CosineTable, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        self.pairs(reference, candidate, |_, pair| pair.divergence())
+    fn prepare_table<'a>(
+        &'a self,
+        reference: Cow<'a, CosineTable>,
+    ) -> Result<Box<dyn PreparedTable + 'a>, MetricError> {
+        Ok(Box::new(PreparedKernel { metric: self, reference }))
+    }
+}
+
+/// Masses of both sides cancel before anything else is done: there is little to prepare.
+struct PreparedKernel<'a> {
+    metric: &'a KernelMetric,
+    reference: Cow<'a, CosineTable>,
+}
+
+impl PreparedTable for PreparedKernel<'_> {
+    fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
+        self.metric.pairs(&self.reference, candidate, |_, pair| pair.divergence())
     }
 
-    fn channel_gradients(
-        &self,
-        reference: &CosineTable,
-        candidate: &CosineTable,
-    ) -> Result<ChannelGradients, MetricError> {
-        self.pairs(reference, candidate, |c, pair| (pair.divergence(), pair.gradient(candidate.channel(c))))
+    fn gradients(&self, candidate: &CosineTable) -> Result<ChannelGradients, MetricError> {
+        self.metric
+            .pairs(&self.reference, candidate, |c, pair| (pair.divergence(), pair.gradient(candidate.channel(c))))
     }
 }

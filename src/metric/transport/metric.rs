@@ -4,8 +4,11 @@ use super::{
     Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence, divergence_and_gradient,
 };
 use crate::brdf::Brdf;
-use crate::metric::graph::{ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, Tone};
+use crate::metric::graph::{
+    ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
+};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// The debiased Sinkhorn divergence between the graphs of two BRDFs, as one number.
@@ -79,30 +82,13 @@ impl TransportMetric {
         self.tone
     }
 
-    fn prepared(
-        &self,
-        table: &CosineTable,
-        channel: usize,
-        side: &'static str,
-    ) -> Result<PreparedChannel, MetricError> {
-        let values: Vec<f64> = table.channel(channel).iter().map(|t| self.tone.value(*t)).collect();
-        PreparedChannel::new(&self.parameters, table.grid(), &values, Some(table.valid()))
-            .map_err(|cause| self.failed(Some(side), &cause))
-    }
-
-    fn each_channel<T: Send>(
-        &self,
-        reference: &CosineTable,
-        candidate: &CosineTable,
-        of: impl Fn(usize, &PreparedChannel, &PreparedChannel) -> Result<T, TransportError> + Sync,
-    ) -> Result<[T; 3], MetricError> {
-        reference.common_cells(candidate, &self.name)?;
+    fn prepared(&self, table: &CosineTable, side: &'static str) -> Result<Channels, MetricError> {
         let channel = |c: usize| {
-            let (a, b) = (self.prepared(reference, c, "reference")?, self.prepared(candidate, c, "candidate")?);
-            of(c, &a, &b).map_err(|cause| self.failed(None, &cause))
+            let values: Vec<f64> = table.channel(c).iter().map(|t| self.tone.value(*t)).collect();
+            PreparedChannel::new(&self.parameters, table.grid(), &values, Some(table.valid()))
+                .map_err(|cause| self.failed(Some(side), &cause))
         };
-        let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
-        Ok([red?, green?, blue?])
+        in_parallel(channel)
     }
 
     fn failed(&self, side: Option<&'static str>, cause: &TransportError) -> MetricError {
@@ -114,6 +100,14 @@ impl TransportMetric {
             _ => MetricError::NotComputed { metric: self.name.clone(), reason: cause.to_string() },
         }
     }
+}
+
+/// The channels R, G, B of one side.
+type Channels = [PreparedChannel; 3];
+
+fn in_parallel<T: Send>(channel: impl Fn(usize) -> Result<T, MetricError> + Sync) -> Result<[T; 3], MetricError> {
+    let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
+    Ok([red?, green?, blue?])
 }
 
 fn wrong(name: &str, cause: &TransportError) -> MetricError {
@@ -175,7 +169,7 @@ impl Metric for TransportMetric {
     }
 
     fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
-        Ok(Box::new(PreparedGraph::new(self, CosineTable::of(reference, self.grid(), "reference")?)))
+        Ok(Box::new(PreparedGraph::new(self, reference)?))
     }
 
     fn as_graph(&self) -> Option<&dyn GraphMetric> {
@@ -200,19 +194,45 @@ impl GraphMetric for TransportMetric {
         self.gamma
     }
 
-    fn channels(&self, reference: &CosineTable, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        self.each_channel(reference, candidate, |_, a, b| divergence(&self.parameters, a, b))
+    fn prepare_table<'a>(
+        &'a self,
+        reference: Cow<'a, CosineTable>,
+    ) -> Result<Box<dyn PreparedTable + 'a>, MetricError> {
+        let channels = self.prepared(&reference, "reference")?;
+        Ok(Box::new(PreparedTransport { metric: self, table: reference, channels }))
+    }
+}
+
+/// The masses of the reference.
+struct PreparedTransport<'a> {
+    metric: &'a TransportMetric,
+    table: Cow<'a, CosineTable>,
+    channels: Channels,
+}
+
+impl PreparedTransport<'_> {
+    fn candidate(&self, candidate: &CosineTable) -> Result<Channels, MetricError> {
+        self.table.common_cells(candidate, &self.metric.name)?;
+        self.metric.prepared(candidate, "candidate")
+    }
+}
+
+impl PreparedTable for PreparedTransport<'_> {
+    fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
+        let channels = self.candidate(candidate)?;
+        in_parallel(|c| {
+            divergence(&self.metric.parameters, &self.channels[c], &channels[c])
+                .map_err(|cause| self.metric.failed(None, &cause))
+        })
     }
 
-    fn channel_gradients(
-        &self,
-        reference: &CosineTable,
-        candidate: &CosineTable,
-    ) -> Result<ChannelGradients, MetricError> {
-        self.each_channel(reference, candidate, |channel, a, b| {
-            let (value, mut slopes) = divergence_and_gradient(&self.parameters, a, b)?;
-            let values = candidate.channel(channel);
-            slopes.iter_mut().zip(values).for_each(|(slope, t)| *slope *= self.tone.derivative(*t));
+    fn gradients(&self, candidate: &CosineTable) -> Result<ChannelGradients, MetricError> {
+        let channels = self.candidate(candidate)?;
+        in_parallel(|c| {
+            let (value, mut slopes) = divergence_and_gradient(&self.metric.parameters, &self.channels[c], &channels[c])
+                .map_err(|cause| self.metric.failed(None, &cause))?;
+            let values = candidate.channel(c);
+            slopes.iter_mut().zip(values).for_each(|(slope, t)| *slope *= self.metric.tone.derivative(*t));
             Ok((value, slopes))
         })
     }

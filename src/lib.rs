@@ -12,6 +12,7 @@
 //! | [`fit`] | parameters of a model from a measured BRDF, with any metric as the loss |
 //! | [`train`] | ratings become a metric: baselines, kernels, networks (the only place that names burn), export |
 //! | [`evaluation`] | agreement with people: cross-validation, bootstrap, tests of differences, records |
+//! | [`render`] | small pictures of materials for people to look at |
 //! | [`study`] | statistics of the ratings themselves: what a panel said, how far it agrees, what moves it |
 //! | [`report`] | records become tables, figures and pages |
 //! | [`cli`] | the commands |
@@ -24,6 +25,7 @@ pub mod evaluation;
 pub mod fit;
 pub mod math;
 pub mod metric;
+pub mod render;
 pub mod report;
 pub mod study;
 pub mod train;

@@ -10,6 +10,7 @@ mod fit;
 mod metrics;
 mod progress;
 mod refit;
+mod report;
 mod score;
 mod study;
 mod sweep;
@@ -79,6 +80,8 @@ enum Command {
     Describe(describe::DescribeArgs),
     /// Statistics of a study's ratings: means, agreement, material types, illuminations, screening.
     Study(study::StudyArgs),
+    /// One page of a study: its ratings, its materials, and how metrics agree with them.
+    Report(report::ReportArgs),
     /// Studies and the files they need.
     Data(data::DataArgs),
 }
@@ -151,6 +154,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),
+        Command::Report(args) => report::run(&cli.shared, args),
         Command::Data(args) => data::run(&cli.shared, args),
     }
 }

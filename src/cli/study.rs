@@ -5,7 +5,7 @@ use crate::dataset::opinions::StudyOpinions;
 use crate::dataset::{DatasetError, synthetic};
 use crate::report::{OutputFolder, study};
 use crate::study::screening::Criterion;
-use crate::study::{Options, describe};
+use crate::study::{Options, StudyRecord, describe as study_of};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -27,6 +27,19 @@ Examples:
   vernis study --study lavoue2021 --data ~/brdf-data --out out/ratings
   vernis study --ratings my-ratings.csv --reject gold,time,outlier --json")]
 pub struct StudyArgs {
+    #[command(flatten)]
+    ratings: RatingsArgs,
+    /// Folder for study.json and study.md [default: out/STUDY].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print study.json instead of the report.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Which ratings, and how they are screened.
+#[derive(Args)]
+pub struct RatingsArgs {
     /// A study by name (lavoue2021, lavoue2021-open, synthetic) or a CSV file [default: that of --ratings, else lavoue2021
     /// if the data folder has its ratings, else synthetic].
     #[arg(long, value_name = "STUDY")]
@@ -40,25 +53,19 @@ pub struct StudyArgs {
     /// Seed of splits and resamples. The same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for study.json and study.md [default: out/STUDY].
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Print study.json instead of the report.
-    #[arg(long)]
-    json: bool,
+}
+
+impl RatingsArgs {
+    /// Whether raw ratings alone were named, without a study.
+    pub fn is_raw(&self) -> bool {
+        self.study.is_none() && self.ratings.is_some()
+    }
 }
 
 pub fn run(shared: &Shared, args: StudyArgs) -> Result<()> {
-    let opinions = load(shared, &args)?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(&opinions.name));
+    let (record, name) = describe(shared, &args.ratings)?;
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
     let folder = OutputFolder::create(folder).map_err(user_error)?;
-    let options = Options {
-        command: command(&args, &opinions.name),
-        seed: args.seed,
-        rejecting: rejecting(&args.reject)?,
-        ..Options::default()
-    };
-    let record = describe(&opinions, &options).map_err(|e| user_error(format!("{}: {e}", opinions.name)))?;
     let json = serde_json::to_string_pretty(&record)? + "\n";
     folder.write("study.json", json.as_bytes())?;
     let page = folder.write("study.md", study::markdown(&record).as_bytes())?;
@@ -68,7 +75,20 @@ pub fn run(shared: &Shared, args: StudyArgs) -> Result<()> {
     print(format!("{}\nreport: {}\n", study::text(&record), page.display()))
 }
 
-fn load(shared: &Shared, args: &StudyArgs) -> Result<StudyOpinions> {
+/// The statistics of the ratings, and the name of their study.
+pub fn describe(shared: &Shared, args: &RatingsArgs) -> Result<(StudyRecord, String)> {
+    let opinions = load(shared, args)?;
+    let options = Options {
+        command: command(args, &opinions.name),
+        seed: args.seed,
+        rejecting: rejecting(&args.reject)?,
+        ..Options::default()
+    };
+    let record = study_of(&opinions, &options).map_err(|e| user_error(format!("{}: {e}", opinions.name)))?;
+    Ok((record, opinions.name))
+}
+
+fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
     let data = shared.data.as_deref();
     let raw = args.ratings.as_deref().map(StudyOpinions::load_raw).transpose().map_err(user_error)?;
     match (&args.study, raw) {
@@ -96,7 +116,7 @@ fn rejecting(names: &[String]) -> Result<Vec<Criterion>> {
 }
 
 /// What asks for the same record again.
-fn command(args: &StudyArgs, study: &str) -> String {
+fn command(args: &RatingsArgs, study: &str) -> String {
     let ratings = args.ratings.as_ref().map(|r| format!(" --ratings {}", r.display())).unwrap_or_default();
     let study = match (&args.study, &args.ratings) {
         (None, Some(_)) => String::new(),

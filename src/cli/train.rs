@@ -6,6 +6,7 @@ use crate::brdf::BrdfSource;
 use crate::brdf::formats::materials;
 use crate::dataset::split::TrainingSet;
 use crate::dataset::{Study, synthetic};
+use crate::descriptor::light::Light;
 use crate::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::evaluation::study_benchmark::{RunInfo, StudyBenchmark, data_hashes, protocol, run};
@@ -13,7 +14,7 @@ use crate::metric::Metric;
 use crate::metric::learned::Regressor;
 use crate::metric::learned::exported::{DataHash, Descriptors, ExportedMetric, Provenance, Reached};
 use crate::metric::registry::Registry;
-use crate::report::{OutputFolder, tables, write_benchmark};
+use crate::report::{OutputFolder, pictures, tables, write_benchmark};
 use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
 use crate::train::ensemble::bootstrap_members;
 use crate::train::matrix::MatrixBuilder;
@@ -85,6 +86,10 @@ pub struct BenchmarkArgs {
     options: StudyOptions,
 }
 
+/// Materials with pictures in the report, and the layout of the lamps they are under.
+const MOST_PICTURED: usize = 10;
+const PICTURED_LAMPS: usize = 1;
+
 /// Everything between the arguments and the results.
 struct Job {
     study: Study,
@@ -102,7 +107,7 @@ pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
         other => format!("{}-{}", recipe::NAME, Path::new(other).file_stem().unwrap_or_default().to_string_lossy()),
     };
     let name = args.name.unwrap_or(default);
-    let report = write_benchmark(&job.folder, &job.bench.record)?;
+    let report = job.write_report(shared)?;
     let metric = export(&job, &name, args.options.seed)?;
     let path = job.folder.write(&format!("{name}.vernis.json"), metric.to_json()?.as_bytes())?;
     summary(&job, args.options.json)?;
@@ -114,7 +119,7 @@ pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
 
 pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
     let job = Job::run(shared, &args.options, "benchmark")?;
-    let report = write_benchmark(&job.folder, &job.bench.record)?;
+    let report = job.write_report(shared)?;
     summary(&job, args.options.json)?;
     if !args.options.json {
         print(format!("report: {}\n", report.display()))?;
@@ -155,6 +160,13 @@ fn load_study(shared: &Shared, options: &StudyOptions) -> Result<Study> {
 }
 
 impl Job {
+    /// The page, with pictures of the materials on which the metric is furthest off.
+    fn write_report(&self, shared: &Shared) -> Result<PathBuf> {
+        let (record, light) = (&self.bench.record, Light::lamps(PICTURED_LAMPS));
+        let materials = pictures::of_study(&self.study, shared.data.as_deref(), Some(record), &light, MOST_PICTURED)?;
+        Ok(write_benchmark(&self.folder, record, &materials, "lamps that are defined by code")?)
+    }
+
     fn run(shared: &Shared, options: &StudyOptions, command: &str) -> Result<Self> {
         if options.resamples < 2 {
             return Err(user_error(format!("--resamples: found {}, allowed 2 or more", options.resamples)));

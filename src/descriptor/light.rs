@@ -145,16 +145,9 @@ impl Light {
 
     /// A latitude/longitude Radiance picture (`.hdr`), reduced to the grid by area and scaled to mean luminance 3.
     pub fn probe(path: &Path) -> Result<Self, DescriptorError> {
+        let ProbePicture { width, height, pixels } = ProbePicture::read(path)?;
         let unreadable = |reason: String| DescriptorError::Probe { path: path.to_owned(), reason };
-        let file = std::fs::File::open(path).map_err(|e| unreadable(e.to_string()))?;
-        let decoder = image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file))
-            .map_err(|e| unreadable(e.to_string()))?;
-        let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
-        if width < COLUMNS || height < ROWS {
-            return Err(unreadable(format!("{width}x{height} pixels; allowed: at least {COLUMNS}x{ROWS}")));
-        }
-        let pixels = decoder.read_image_hdr().map_err(|e| unreadable(e.to_string()))?;
-        let light = Self::reduced(width, height, |x, y| pixels[y * width + x].0.map(f64::from));
+        let light = Self::reduced(width, height, |x, y| pixels[y * width + x]);
         let mean = light.mean_luminance();
         if !(mean.is_finite() && mean > 0.0) {
             return Err(unreadable(format!("its mean luminance is {mean}; allowed: finite and greater than 0")));
@@ -226,6 +219,30 @@ impl Light {
         let scale = mean / self.mean_luminance();
         self.radiance.iter_mut().flatten().for_each(|v| *v *= scale);
         self
+    }
+}
+
+/// A light probe as its file has it.
+pub struct ProbePicture {
+    pub width: usize,
+    pub height: usize,
+    /// Linear RGB, row by row from +y.
+    pub pixels: Vec<Rgb>,
+}
+
+impl ProbePicture {
+    /// A latitude/longitude Radiance picture (`.hdr`) of at least [`COLUMNS`] x [`ROWS`] pixels.
+    pub fn read(path: &Path) -> Result<Self, DescriptorError> {
+        let unreadable = |reason: String| DescriptorError::Probe { path: path.to_owned(), reason };
+        let file = std::fs::File::open(path).map_err(|e| unreadable(e.to_string()))?;
+        let decoder = image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file))
+            .map_err(|e| unreadable(e.to_string()))?;
+        let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
+        if width < COLUMNS || height < ROWS {
+            return Err(unreadable(format!("{width}x{height} pixels; allowed: at least {COLUMNS}x{ROWS}")));
+        }
+        let pixels = decoder.read_image_hdr().map_err(|e| unreadable(e.to_string()))?;
+        Ok(Self { width, height, pixels: pixels.into_iter().map(|p| p.0.map(f64::from)).collect() })
     }
 }
 

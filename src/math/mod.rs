@@ -14,6 +14,7 @@ pub mod least_squares;
 pub mod logistic;
 pub mod quantile;
 pub mod seed;
+pub mod spherical_harmonics;
 mod vec3;
 
 pub use vec3::Vec3;

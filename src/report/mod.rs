@@ -2,17 +2,20 @@
 
 #[cfg(feature = "train")]
 pub mod figures;
-#[cfg(feature = "train")]
-mod marks;
 pub mod output;
 pub mod page;
+pub mod pictures;
 pub mod spreadsheet;
 pub mod study;
 pub mod sweep;
 pub mod tables;
 
 use crate::evaluation::records::BenchmarkRecord;
+use crate::study::StudyRecord;
+use maud::html;
 pub use output::OutputFolder;
+use page::Head;
+use page::materials::Material;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -41,26 +44,115 @@ pub struct Figure {
 }
 
 /// Writes everything that `record` holds: `report.html`, `report.md`, `benchmark.json`, CSV tables, and each figure
-/// as SVG and PNG. Returns the path of the HTML page. Each file is replaced whole or not at all.
-pub fn write_benchmark(folder: &OutputFolder, record: &BenchmarkRecord) -> Result<PathBuf, ReportError> {
+/// as SVG and PNG; `materials` are shown in the page. Returns its path. Each file is replaced whole or not at all.
+pub fn write_benchmark(
+    folder: &OutputFolder,
+    record: &BenchmarkRecord,
+    materials: &[Material],
+    light: &str,
+) -> Result<PathBuf, ReportError> {
     let figures = draw(record)?;
-    for figure in &figures {
-        folder.write(&format!("{}.svg", figure.name), figure.svg.as_bytes())?;
-        folder.write(&format!("{}.png", figure.name), &figure.png)?;
-    }
+    write_figures(folder, &figures)?;
+    let mut names = vec!["benchmark.json"];
     for (name, bytes) in spreadsheet::all(record)? {
         folder.write(name, &bytes)?;
+        names.push(name);
     }
     let json = serde_json::to_vec_pretty(record)
         .map_err(|e| ReportError::Format { what: "benchmark.json", reason: e.to_string() })?;
     folder.write("benchmark.json", &json)?;
-    folder.write("report.md", page::markdown(record, &figures).as_bytes())?;
-    folder.write("report.html", page::html(record, &figures).as_bytes())
+    folder.write("report.md", page::benchmark::markdown(record, &figures).as_bytes())?;
+    let head = Head {
+        title: page::benchmark::title(record),
+        synthetic: record.synthetic,
+        provenance: page::benchmark::provenance(record),
+    };
+    let body = html! {
+        (page::benchmark::body(record, &figures))
+        (page::materials::section(materials, OPEN_MATERIALS, light))
+        (page::files(&names))
+    };
+    folder.write("report.html", page::document(&head, &page::benchmark::headline(record), &body).as_bytes())
+}
+
+/// Materials that are unfolded at first.
+const OPEN_MATERIALS: usize = 10;
+
+/// What a page on a study may show.
+pub struct Whole<'a> {
+    pub study: &'a StudyRecord,
+    /// The judgement of metrics on it.
+    pub benchmark: Option<&'a BenchmarkRecord>,
+    pub materials: &'a [Material],
+    pub light: &'a str,
+    #[cfg(feature = "train")]
+    pub probes: &'a [figures::spectrum::Spectrum],
+    /// What was looked for and is not here, a sentence each.
+    pub missing: &'a [String],
+}
+
+/// Writes the page of a study: its ratings, and how metrics agree with them. Returns the path of `report.html`.
+pub fn write_whole(folder: &OutputFolder, whole: &Whole<'_>) -> Result<PathBuf, ReportError> {
+    let (of_ratings, mut missing) = draw_whole(whole)?;
+    missing.extend_from_slice(whole.missing);
+    write_figures(folder, &of_ratings)?;
+    let json = |what, value: Result<Vec<u8>, serde_json::Error>| {
+        value.map_err(|e| ReportError::Format { what, reason: e.to_string() })
+    };
+    folder.write("study.json", &json("study.json", serde_json::to_vec_pretty(whole.study))?)?;
+    let mut names = vec!["study.json"];
+    let mut judged = (html! {}, html! {});
+    let mut provenance = page::study::provenance(whole.study);
+    if let Some(record) = whole.benchmark {
+        let figures = draw(record)?;
+        write_figures(folder, &figures)?;
+        for (name, bytes) in spreadsheet::all(record)? {
+            folder.write(name, &bytes)?;
+            names.push(name);
+        }
+        folder.write("benchmark.json", &json("benchmark.json", serde_json::to_vec_pretty(record))?)?;
+        names.push("benchmark.json");
+        judged = (page::benchmark::headline(record), page::benchmark::body(record, &figures));
+        provenance.extend(page::benchmark::provenance(record));
+    }
+    let title = match whole.benchmark {
+        Some(record) => page::benchmark::title(record),
+        None => study::title(whole.study),
+    };
+    let head = Head { title, synthetic: whole.study.synthetic, provenance };
+    let body = html! {
+        (judged.1)
+        h2 { "Ratings" }
+        (page::study::body(whole.study, &of_ratings, &missing))
+        (page::materials::section(whole.materials, OPEN_MATERIALS, whole.light))
+        (page::files(&names))
+    };
+    folder.write("report.html", page::document(&head, &judged.0, &body).as_bytes())
+}
+
+fn write_figures(folder: &OutputFolder, figures: &[Figure]) -> Result<(), ReportError> {
+    for figure in figures {
+        folder.write(&format!("{}.svg", figure.name), figure.svg.as_bytes())?;
+        folder.write(&format!("{}.png", figure.name), &figure.png)?;
+    }
+    Ok(())
+}
+
+#[cfg(feature = "train")]
+fn draw_whole(whole: &Whole<'_>) -> Result<(Vec<Figure>, Vec<String>), ReportError> {
+    let mut figures = figures::study::all(whole.study)?;
+    figures.extend(figures::spectrum::figure_of(whole.probes)?);
+    Ok((figures, figures::study::missing(whole.study)))
+}
+
+#[cfg(not(feature = "train"))]
+fn draw_whole(_whole: &Whole<'_>) -> Result<(Vec<Figure>, Vec<String>), ReportError> {
+    Ok((Vec::new(), vec!["All figures: this program was built without the feature `train`.".to_owned()]))
 }
 
 #[cfg(feature = "train")]
 fn draw(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
-    figures::all(record)
+    figures::benchmark::all(record)
 }
 
 /// Figures need the `train` feature; without it the page has its tables alone.

@@ -15,7 +15,7 @@ const SYNTHETIC: &str =
 const EXTREMES: usize = 3;
 
 /// A part of a report.
-enum Block {
+pub(super) enum Block {
     Heading(&'static str),
     Text(String),
     Table(Table),
@@ -47,11 +47,11 @@ pub fn markdown(record: &StudyRecord) -> String {
     page
 }
 
-fn title(record: &StudyRecord) -> String {
+pub(super) fn title(record: &StudyRecord) -> String {
     format!("Ratings of {}{}", record.study, if record.synthetic { " (SYNTHETIC)" } else { "" })
 }
 
-fn blocks(record: &StudyRecord) -> Vec<Block> {
+pub(super) fn blocks(record: &StudyRecord) -> Vec<Block> {
     let mut blocks = Vec::new();
     if record.synthetic {
         blocks.push(Block::Text(SYNTHETIC.into()));

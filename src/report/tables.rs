@@ -3,7 +3,7 @@
 use crate::evaluation::agreement::Figure;
 use crate::evaluation::bootstrap::{Difference, Interval};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, Judgement, MetricRecord, RowSet, Split};
-use std::fmt::Write;
+use maud::{Markup, html};
 
 /// A table of words; the first column is a label, the others are numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,34 +48,25 @@ impl Table {
         format!("**{}**\n\n{}{rule}{rows}", self.title, line(&self.columns))
     }
 
-    pub fn to_html(&self) -> String {
-        let mut html = String::from("<div class=\"table\"><table>");
-        // Writing to a String cannot fail.
-        let _ = write!(html, "<caption>{}</caption><thead><tr>", escape(&self.title));
-        for column in &self.columns {
-            let _ = write!(html, "<th scope=\"col\">{}</th>", escape(column));
-        }
-        html.push_str("</tr></thead><tbody>");
-        for row in &self.rows {
-            html.push_str("<tr>");
-            for (c, cell) in row.iter().enumerate() {
-                let cell = escape(cell);
-                let _ = if c == 0 {
-                    write!(html, "<th scope=\"row\">{cell}</th>")
-                } else {
-                    write!(html, "<td>{cell}</td>")
-                };
+    pub fn to_html(&self) -> Markup {
+        html! {
+            div.table {
+                table {
+                    caption { (self.title) }
+                    thead { tr { @for column in &self.columns { th scope="col" { (column) } } } }
+                    tbody {
+                        @for row in &self.rows {
+                            tr {
+                                @for (c, cell) in row.iter().enumerate() {
+                                    @if c == 0 { th scope="row" { (cell) } } @else { td { (cell) } }
+                                }
+                            }
+                        }
+                    }
+                }
             }
-            html.push_str("</tr>\n");
         }
-        html.push_str("</tbody></table></div>\n");
-        html
     }
-}
-
-/// Text that is safe inside HTML elements and attributes.
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 const NONE: &str = "-";
@@ -267,6 +258,6 @@ mod tests {
             table().to_markdown(),
             "**Title**\n\n| name | x |\n| :--- | ---: |\n| a\\|<b> | 1 |\n| long name | 22 |\n"
         );
-        assert!(table().to_html().contains("<th scope=\"row\">a|&lt;b&gt;</th><td>1</td>"));
+        assert!(table().to_html().into_string().contains("<th scope=\"row\">a|&lt;b&gt;</th><td>1</td>"));
     }
 }

@@ -18,6 +18,9 @@ use std::collections::{BTreeMap, BTreeSet};
 const TYPE: &str = "material type";
 const METHOD: &str = "method";
 const ILLUMINATION: &str = "illumination";
+const STEP: &str = "step";
+/// Samples of a manifold at growing distances from the reference: section 3.3.
+const MANIFOLD: &str = "GPLVM_APPROX.";
 
 /// A study's mean opinions, made ready for comparisons. Rows are indices of `opinions`.
 pub(super) struct Comparison<'a> {
@@ -153,6 +156,7 @@ impl<'a> Comparison<'a> {
             ("By method", &main, &[METHOD]),
             ("By method and material type", &main, &[METHOD, TYPE]),
             ("By illumination and material type, of what was rated under both", &both, &[ILLUMINATION, TYPE]),
+            ("By step along the manifold", &self.approximations, &[STEP]),
         ]
         .into_iter()
         .map(|(title, rows, factors)| self.box_set(title, rows, factors))
@@ -190,6 +194,7 @@ impl<'a> Comparison<'a> {
         match factor {
             TYPE => stimulus.material_type.as_deref(),
             ILLUMINATION => stimulus.illumination.as_deref(),
+            STEP => stimulus.method.strip_prefix(MANIFOLD),
             _ => Some(&stimulus.method),
         }
     }

@@ -21,5 +21,6 @@ pub mod sos;
 pub mod t_test;
 
 pub use analysis::{Options, describe};
+pub use box_plot::BoxPlot;
 pub use error::StudyError;
 pub use record::StudyRecord;

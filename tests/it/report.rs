@@ -15,6 +15,7 @@ use vernis::evaluation::calibration::Calibration;
 use vernis::evaluation::cross_validation::{cross_validate_distance, in_sample};
 use vernis::evaluation::records::{BenchmarkRecord, MetricKind, Split};
 use vernis::math::seed;
+use vernis::report::page::materials::{Candidate, Material};
 use vernis::report::{OutputFolder, ReportError, write_benchmark};
 
 const METHODS: [&str; 6] = ["ABC", "BAGHER", "BLINN-PHONG", "LAFORTUNE", "SGD", "WARD"];
@@ -118,9 +119,21 @@ fn read(folder: &OutputFolder, name: &str) -> String {
     fs::read_to_string(folder.path().join(name)).unwrap()
 }
 
+/// A made-up material; the bytes stand for pictures.
+fn material() -> Material {
+    let candidate = Candidate { method: "GGX <new>".into(), picture: vec![1, 2, 3], mos: 4.25, predicted: Some(3.5) };
+    Material { name: "teflon".into(), reference: vec![0; 3], candidates: vec![candidate], error: Some(0.75) }
+}
+
+/// The values of an attribute in a page.
+fn values<'a>(html: &'a str, attribute: &str) -> Vec<&'a str> {
+    let start = format!(" {attribute}=\"");
+    html.split(&start).skip(1).map(|rest| rest.split('"').next().unwrap()).collect()
+}
+
 fn report(path: impl AsRef<Path>, record: &BenchmarkRecord) -> OutputFolder {
     let folder = OutputFolder::create(path.as_ref()).unwrap();
-    let page = write_benchmark(&folder, record).unwrap();
+    let page = write_benchmark(&folder, record, &[material()], "lamps").unwrap();
     assert_eq!(page, folder.path().join("report.html"));
     folder
 }
@@ -167,12 +180,18 @@ fn the_page_needs_no_network_and_escapes_names() {
     let dir = tempfile::tempdir().unwrap();
     let folder = report(dir.path(), &record(false));
     let html = read(&folder, "report.html");
-    for forbidden in ["src=", "href=", "url(", "@import", "<script", "<type>"] {
+    for forbidden in ["url(", "@import", "<type>", "<new>", "<script src"] {
         assert!(!html.contains(forbidden), "{forbidden}");
     }
+    assert!(values(&html, "src").iter().all(|src| src.starts_with("data:image/png;base64,")));
+    let links = values(&html, "href");
+    assert!(links.iter().all(|link| *link == "data:," || folder.path().join(link).is_file()), "{links:?}");
+    assert!(links.contains(&"metrics.csv") && links.contains(&"benchmark.json") && links.contains(&"scatter.svg"));
+    // The RFC's alphabet: the bytes 1, 2, 3.
+    assert!(html.contains("base64,AQID") && html.contains("GGX &lt;new&gt;: rated 4.25, predicted 3.50"));
     assert!(html.contains("mean of the method &amp; &lt;type&gt;"));
     assert!(html.contains("vernis train --study made-up --seed 1") && html.contains(&"00ff".repeat(16)));
-    assert!(html.find("SHA-256 of ratings.csv") < html.find("<table>"), "provenance heads the page");
+    assert!(html.find("<table>") < html.find("SHA-256 of ratings.csv"), "the headline comes first");
     assert!(!html.contains("SYNTHETIC"));
 }
 
@@ -222,7 +241,7 @@ fn an_empty_benchmark_still_has_a_page() {
     };
     let dir = tempfile::tempdir().unwrap();
     let folder = report(dir.path(), &record);
-    assert!(!read(&folder, "report.html").contains("<figure>"));
+    assert!(!read(&folder, "report.html").contains("<figure"));
 }
 
 #[test]
@@ -232,4 +251,33 @@ fn an_unwritable_folder_is_found_before_the_work() {
     let error = OutputFolder::create(dir.path().join("taken")).unwrap_err();
     assert!(matches!(error, ReportError::Unwritable { .. }), "{error}");
     assert_eq!(fs::read(dir.path().join("taken")).unwrap(), b"results of yesterday");
+}
+
+/// `vernis report` on the embedded study: figures of the ratings that can be drawn, sentences for the others, every link there.
+#[test]
+fn the_page_of_a_study_shows_its_ratings_and_says_what_is_missing() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = |args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_vernis"));
+        command.args(args).current_dir(dir.path()).env_remove("VERNIS_DATA").output().unwrap()
+    };
+    let output = run(&["report", "--study", "synthetic", "--out", "page"]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let folder = OutputFolder::create(dir.path().join("page")).unwrap();
+    let html = read(&folder, "report.html");
+    assert!(html.contains("SYNTHETIC observers") && html.contains("no --benchmark was given"));
+    assert!(html.contains("no rated candidate is a manifold sample") && html.contains("Grace by degree"));
+    let links = values(&html, "href");
+    assert!(links.iter().all(|link| *link == "data:," || folder.path().join(link).is_file()), "{links:?}");
+    // 40 materials and 349 candidates.
+    assert_eq!(html.matches("<img").count(), 40 + 349);
+    #[cfg(feature = "train")]
+    for name in ["methods", "mos-by-type", "interval-widths", "mos-by-method", "mos-by-light-and-type", "illuminations"]
+    {
+        assert!(html.contains(&format!("<figure id=\"{name}\">")), "{name}");
+    }
+    let output = run(&["report", "--study", "synthetic", "--benchmark", "page", "--out", "page"]);
+    assert_eq!(output.status.code(), Some(2));
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(error.contains("benchmark.json: No such file") && error.contains("allowed: the benchmark.json"), "{error}");
 }

@@ -73,6 +73,9 @@ pub fn fingerprint(study: &Study) -> String {
     ContentHash::of(pairs.chain(files).collect::<String>().as_bytes()).to_string()
 }
 
+/// The divergences of a pair, or why the metric does not cover the combination.
+type Channels = Result<[f64; 3], String>;
+
 /// The divergences of `combination` for every pair; `progress` is called once a pair, from any thread.
 ///
 /// # Errors
@@ -102,7 +105,7 @@ pub fn compute(
     if let Err(reason) = sort(0, graph.channels(&tables.reference(0)?, &tables.candidate(0)?))? {
         return Ok(Outcome::Refused { reason });
     }
-    let of_reference = |indices: &Vec<usize>| -> Result<Vec<(usize, Result<[f64; 3], String>)>, EvaluationError> {
+    let of_reference = |indices: &Vec<usize>| -> Result<Vec<(usize, Channels)>, EvaluationError> {
         let prepared = match graph.prepare_table(Cow::Owned(tables.reference(indices[0])?)) {
             Ok(prepared) => prepared,
             Err(MetricError::NotComputed { reason, .. }) => return Ok(vec![(indices[0], Err(reason))]),
@@ -117,7 +120,7 @@ pub fn compute(
     };
     let groups = tables.by_reference();
     let found = groups.par_iter().map(of_reference).collect::<Result<Vec<_>, EvaluationError>>()?;
-    let found: BTreeMap<usize, Result<[f64; 3], String>> = found.into_iter().flatten().collect();
+    let found: BTreeMap<usize, Channels> = found.into_iter().flatten().collect();
     Ok(match found.into_values().collect::<Result<Vec<_>, String>>() {
         Ok(channels) => Outcome::Computed { channels },
         Err(reason) => Outcome::Refused { reason },

@@ -82,6 +82,6 @@ mod tests {
         let lattice = Lattice { grid, nodes: [4; 3], spacing: 0.5 };
         assert_eq!(lattice.below(1.25), (2.0, 0.5));
         assert_eq!(lattice.below(-0.25), (-1.0, 0.5));
-        assert_eq!(lattice.below(1e30).0, 9.223372036854775808e18);
+        assert_eq!(lattice.below(1e30).0, 9.223_372_036_854_776e18);
     }
 }

@@ -2,20 +2,16 @@
 //! material, ablation.
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Figure, ReportError, tables};
+use super::{Axis, TEXT, TITLE, WIDTH, figure, legend, observed};
 use crate::evaluation::agreement::Figure as AgreementFigure;
 use crate::evaluation::bootstrap::Interval;
 use crate::evaluation::records::{
     BenchmarkRecord, Judgement, MetricKind, MetricRecord, PredictionRecord, RowSet, Split,
 };
+use crate::report::{Figure, ReportError, tables};
 use plotters::prelude::DrawingBackend;
 use std::collections::BTreeSet;
 
-const WIDTH: u32 = 900;
-const TITLE: f64 = 22.0;
-const TEXT: f64 = 18.0;
-/// PNG pixels for one of the SVG.
-const PNG_SCALE: u32 = 2;
 /// Materials in the figure of errors.
 const MOST_MATERIALS: usize = 40;
 
@@ -54,48 +50,9 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     Ok(figures)
 }
 
-fn figure(name: &'static str, caption: String, picture: &impl Picture) -> Result<Figure, ReportError> {
-    let failed = |reason| ReportError::Figure { figure: name, reason };
-    let (svg, png) = (marks::svg(picture).map_err(failed)?, marks::png(picture, PNG_SCALE).map_err(failed)?);
-    Ok(Figure { name, caption, svg, png })
-}
-
-fn title(words: &str, record: &BenchmarkRecord) -> String {
-    format!("{words}{}", if record.synthetic { " (SYNTHETIC observers)" } else { "" })
-}
-
-/// A linear axis from data to pixels.
-#[derive(Clone, Copy)]
-struct Axis {
-    data: (f64, f64),
-    pixels: (f64, f64),
-}
-
-impl Axis {
-    fn at(&self, value: f64) -> f64 {
-        let t = (value - self.data.0) / (self.data.1 - self.data.0);
-        self.pixels.0 + t * (self.pixels.1 - self.pixels.0)
-    }
-
-    /// Multiples of `step` inside the data range.
-    fn ticks(&self, step: f64) -> impl Iterator<Item = f64> {
-        let (first, last) = ((self.data.0 / step - 1e-9).ceil() as i64, (self.data.1 / step + 1e-9).floor() as i64);
-        (first..=last).map(move |i| i as f64 * step)
-    }
-}
-
 /// Names of the methods in a fixed order, which decides their marks.
 fn methods(predictions: &[PredictionRecord]) -> Vec<&str> {
     predictions.iter().map(|p| p.method.as_str()).collect::<BTreeSet<_>>().into_iter().collect()
-}
-
-fn legend<B: DrawingBackend>(canvas: &Canvas<B>, methods: &[&str], x: f64, top: f64) -> Drawn {
-    for (i, method) in methods.iter().enumerate() {
-        let y = top + 26.0 * i as f64;
-        canvas.mark(i, (x, y), 6.0)?;
-        canvas.words(method, (x + 16.0, y), TEXT, Anchor::Left)?;
-    }
-    Ok(())
 }
 
 /// Predicted against rated.
@@ -120,7 +77,7 @@ impl<'a> Scatter<'a> {
         }
         let range = points.iter().fold((1.0f64, 5.0f64), |(low, high), p| (low.min(p.2), high.max(p.2)));
         Some(Self {
-            title: title(&format!("{subject}: predicted and rated"), record),
+            title: observed(&format!("{subject}: predicted and rated"), record.synthetic),
             methods,
             points,
             range: (range.0 - 0.15, range.1 + 0.15),
@@ -182,7 +139,7 @@ fn unseen(metric: &MetricRecord) -> Option<&Judgement> {
 fn agreement(record: &BenchmarkRecord) -> Bars {
     let metrics = record.headline_metrics();
     let rows = metrics.iter().filter_map(|m| BarRow::of(m.name.clone(), unseen(m), false)).collect();
-    Bars { title: title("Agreement with the ratings, unseen materials", record), rows }
+    Bars { title: observed("Agreement with the ratings, unseen materials", record.synthetic), rows }
 }
 
 fn lp(record: &BenchmarkRecord) -> Bars {
@@ -192,7 +149,7 @@ fn lp(record: &BenchmarkRecord) -> Bars {
         let gap = rows.last().is_some_and(|last| stem(&last.label) != stem(&metric.name));
         rows.extend(BarRow::of(metric.name.clone(), unseen(metric), gap));
     }
-    Bars { title: title("Lp distances", record), rows }
+    Bars { title: observed("Lp distances", record.synthetic), rows }
 }
 
 fn ablation(record: &BenchmarkRecord) -> Bars {
@@ -203,7 +160,7 @@ fn ablation(record: &BenchmarkRecord) -> Bars {
         BarRow::of(label, found.judgement(Split::UnseenMaterial, RowSet::All), i == 0)
     });
     let rows = if record.ablation.is_empty() { Vec::new() } else { full.into_iter().chain(parts).collect() };
-    Bars { title: title("Ablation by descriptors, unseen materials", record), rows }
+    Bars { title: observed("Ablation by descriptors, unseen materials", record.synthetic), rows }
 }
 
 const BARS_TOP: f64 = 92.0;
@@ -292,7 +249,7 @@ impl<'a> Strips<'a> {
             .filter(|(_, errors)| !errors.is_empty())
             .collect();
         let words = format!("Largest errors: {} of {} materials", materials.len(), record.residuals.len());
-        Self { title: title(&words, record), methods, materials }
+        Self { title: observed(&words, record.synthetic), methods, materials }
     }
 }
 

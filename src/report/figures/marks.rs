@@ -157,6 +157,26 @@ impl<B: DrawingBackend> Canvas<B> {
             shape.iter().map(|(x, y)| self.at((at.0 + radius * x, at.1 + radius * y))).collect();
         self.put(Polygon::new(corners, colour.filled()))
     }
+
+    /// An open circle.
+    pub(super) fn ring(&self, at: (f64, f64), radius: f64) -> Drawn {
+        self.put(Circle::new(self.at(at), self.stroke(radius), INK.stroke_width(self.stroke(1.0))))
+    }
+
+    /// A diamond that stands out on a bar.
+    pub(super) fn diamond(&self, at: (f64, f64), radius: f64) -> Drawn {
+        let corners: Vec<(i32, i32)> =
+            SHAPES[3].iter().map(|(x, y)| self.at((at.0 + radius * x, at.1 + radius * y))).collect();
+        self.put(Polygon::new(corners.clone(), WHITE.filled()))?;
+        let closed: Vec<(i32, i32)> = corners.iter().chain(corners.first()).copied().collect();
+        self.put(PathElement::new(closed, INK.stroke_width(self.stroke(1.5))))
+    }
+
+    /// A line through points.
+    pub(super) fn path(&self, points: &[(f64, f64)], colour: RGBColor, width: f64) -> Drawn {
+        let points: Vec<(i32, i32)> = points.iter().map(|p| self.at(*p)).collect();
+        self.put(PathElement::new(points, colour.stroke_width(self.stroke(width))))
+    }
 }
 
 /// Width of the words in pixels, for margins.

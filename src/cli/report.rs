@@ -1,0 +1,114 @@
+//! `vernis report`: a study's ratings, and how metrics agree with them, as one page.
+
+use super::study::{RatingsArgs, describe};
+use super::{Shared, print, user_error};
+use crate::dataset::{DatasetError, Study};
+use crate::descriptor::light::Light;
+use crate::evaluation::records::BenchmarkRecord;
+use crate::report::{OutputFolder, Whole, pictures, write_whole};
+use anyhow::Result;
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Layout of the lamps where there is no probe.
+const LAMPS: usize = 1;
+/// Light probes of the study, in a data folder: name and file.
+const PROBES: [(&str, &str); 2] =
+    [("Grace", "envmaps/grace_probe_latlong.hdr"), ("Uffizi", "envmaps/uffizi_spica.hdr")];
+
+/// One page of a study: statistics and figures of its ratings, pictures of its materials, and how metrics agree with them.
+#[derive(Args)]
+#[command(after_help = "\
+Writes report.html, which needs no network, and the numbers and figures behind it. How metrics agree comes from an earlier
+`vernis train` or `vernis benchmark`; name its folder with --benchmark. What the data at hand do not allow is left out, with
+a sentence that says why.
+
+Examples:
+  vernis report --study synthetic
+  vernis train --study lavoue2021-open --data ~/brdf-data --out out/open
+  vernis report --study lavoue2021-open --data ~/brdf-data --benchmark out/open --out out/page")]
+pub struct ReportArgs {
+    #[command(flatten)]
+    ratings: RatingsArgs,
+    /// Folder of an earlier `train` or `benchmark`, or its benchmark.json.
+    #[arg(long, value_name = "DIR")]
+    benchmark: Option<PathBuf>,
+    /// Folder for the page [default: out/report-STUDY].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
+    let benchmark = args.benchmark.as_deref().map(read_benchmark).transpose()?;
+    let (record, name) = describe(shared, &args.ratings)?;
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(format!("report-{name}")));
+    let folder = OutputFolder::create(folder).map_err(user_error)?;
+    let data = shared.data.as_deref();
+    let mut missing = Vec::new();
+    let found = PROBES.map(|(name, file)| data.map(|d| (name, d.join(file))).filter(|(_, path)| path.is_file()));
+    let (light, words) = match &found[0] {
+        Some((name, path)) => (Light::probe(path).map_err(user_error)?, format!("the light probe {name}")),
+        None => (Light::lamps(LAMPS), "lamps that are defined by code".to_owned()),
+    };
+    for ((name, file), _) in PROBES.iter().zip(&found).filter(|(_, found)| found.is_none()) {
+        missing.push(format!("Energy of the light probe {name} by degree: {file} is not in the data folder."));
+    }
+    let materials = match Study::load(&name, data) {
+        Ok(study) => {
+            pictures::of_study(&study, data, benchmark.as_ref(), &light, usize::MAX).map_err(anyhow::Error::from)?
+        }
+        // Ratings alone have no BRDFs; a study that is wrong is another matter.
+        Err(absent @ (DatasetError::NoDataFolder { .. } | DatasetError::MissingFile { .. })) => {
+            missing.push(format!("Pictures of the materials: {absent}."));
+            Vec::new()
+        }
+        Err(DatasetError::UnknownStudy { .. }) if args.ratings.is_raw() => {
+            missing.push("Pictures of the materials: the ratings do not say which BRDFs were rated.".to_owned());
+            Vec::new()
+        }
+        Err(other) => return Err(user_error(other)),
+    };
+    if benchmark.is_none() {
+        missing.push("How metrics agree with the ratings: no --benchmark was given.".to_owned());
+    }
+    #[cfg(feature = "train")]
+    let probes = spectra(&found.into_iter().flatten().collect::<Vec<_>>())?;
+    let whole = Whole {
+        study: &record,
+        benchmark: benchmark.as_ref(),
+        materials: &materials,
+        light: &words,
+        #[cfg(feature = "train")]
+        probes: &probes,
+        missing: &missing,
+    };
+    let page = write_whole(&folder, &whole)?;
+    print(format!("report: {}\n", page.display()))
+}
+
+fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
+    let path = if path.is_dir() { path.join("benchmark.json") } else { path.to_owned() };
+    let wrong = |reason: String| {
+        user_error(format!("{}: {reason}; allowed: the benchmark.json of a train or a benchmark", path.display()))
+    };
+    let bytes = std::fs::read(&path).map_err(|e| wrong(e.to_string()))?;
+    serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))
+}
+
+/// Of each probe, the shares of its energy up to the degree of the study's figure.
+#[cfg(feature = "train")]
+fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<crate::report::figures::spectrum::Spectrum>> {
+    use crate::descriptor::light::ProbePicture;
+    use crate::math::color::luminance;
+    use crate::math::spherical_harmonics::energy_by_degree;
+    const DEGREE: usize = 130;
+    let spectrum = |(name, path): &(&str, PathBuf)| {
+        let probe = ProbePicture::read(path).map_err(user_error)?;
+        let at = |x: usize, y: usize| luminance(probe.pixels[y * probe.width + x]);
+        let energy = energy_by_degree(probe.width, probe.height, DEGREE, at);
+        let total: f64 = energy.iter().sum();
+        let shares = energy.into_iter().map(|e| e / total).collect();
+        Ok(crate::report::figures::spectrum::Spectrum { name: (*name).to_owned(), shares })
+    };
+    probes.iter().map(spectrum).collect()
+}

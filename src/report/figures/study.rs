@@ -1,0 +1,283 @@
+//! The figures of a study's ratings: how much was rated, box plots of mean opinion scores, one illumination against the other.
+
+use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
+use super::{Axis, TEXT, TITLE, WIDTH, figure, legend, observed};
+use crate::report::{Figure, ReportError};
+use crate::study::BoxPlot;
+use crate::study::record::{BoxSet, NamedBox, StudyRecord};
+use plotters::prelude::DrawingBackend;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// File name of a figure, title of its box plots in the record, caption.
+const BOXES: [(&str, &str, &str); 5] = [
+    ("mos-by-type", "Approximations by material type", "Mean opinion scores of the approximations by type of material"),
+    ("mos-by-method", "By method", "Mean opinion scores by approximation method"),
+    (
+        "mos-by-method-and-type",
+        "By method and material type",
+        "Mean opinion scores by approximation method and type of material",
+    ),
+    (
+        "mos-by-light-and-type",
+        "By illumination and material type, of what was rated under both",
+        "Mean opinion scores by illumination and type of material, of what was rated under both illuminations",
+    ),
+    (
+        "mos-by-manifold-step",
+        "By step along the manifold",
+        "Mean opinion scores of samples of a manifold of BRDFs, by the step from the reference",
+    ),
+];
+
+/// Every figure that `record` has the data for.
+///
+/// # Errors
+/// [`ReportError::Figure`].
+pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
+    let mut figures = Vec::new();
+    let counts = Counts::of(record);
+    if !counts.rows.is_empty() {
+        let caption = "How many materials each approximation method was rated on.".to_owned();
+        figures.push(figure("methods", caption, &counts)?);
+    }
+    for (name, title, caption) in BOXES {
+        let Some(set) = record.boxes.iter().find(|set| set.title == title) else { continue };
+        figures.push(figure(name, boxed(caption), &Boxes::of(record, set, Of::Mos))?);
+        if name == "mos-by-type" && set.boxes.iter().any(|b| b.interval_width.is_some()) {
+            let caption = boxed("Widths of the 95 % intervals of the mean opinion scores by type of material");
+            figures.push(figure("interval-widths", caption, &Boxes::of(record, set, Of::IntervalWidth))?);
+        }
+    }
+    if let Some(lights) = Lights::of(record) {
+        let caption = format!(
+            "Mean opinion scores under {} against those under {} of what was rated under both; on the diagonal the \
+             illumination makes no difference. One mark an approximation, by method.",
+            lights.names[1], lights.names[0]
+        );
+        figures.push(figure("illuminations", caption, &lights)?);
+    }
+    Ok(figures)
+}
+
+/// What of the ratings cannot be drawn, and why: one sentence a figure.
+pub fn missing(record: &StudyRecord) -> Vec<String> {
+    let drawn = |title: &str| record.boxes.iter().any(|set| set.title == title);
+    let mut missing = Vec::new();
+    for (_, title, caption) in BOXES {
+        if !drawn(title) {
+            let why = match title {
+                "By step along the manifold" => "no rated candidate is a manifold sample",
+                "By illumination and material type, of what was rated under both" => {
+                    "nothing was rated under two illuminations"
+                }
+                _ => "the study does not say what type its materials are",
+            };
+            missing.push(format!("{caption}: {why}."));
+        }
+    }
+    let widths = record.boxes.iter().flat_map(|set| &set.boxes).any(|b| b.interval_width.is_some());
+    if !widths {
+        missing.push("Widths of the intervals of the mean opinion scores: the single ratings are not here.".to_owned());
+    }
+    if record.illumination.is_none() {
+        missing.push("One illumination against the other: nothing was rated under two illuminations.".to_owned());
+    }
+    missing
+}
+
+fn boxed(what: &str) -> String {
+    format!(
+        "{what}: median, quartiles, whiskers to the last value within 1.5 interquartile ranges, and outliers; a diamond \
+         is the mean, the bar through it its 95 % interval of a bootstrap by material."
+    )
+}
+
+/// One bar a method.
+struct Counts {
+    title: String,
+    /// Method and number of materials; the most first.
+    rows: Vec<(String, usize)>,
+}
+
+impl Counts {
+    fn of(record: &StudyRecord) -> Self {
+        let mut materials: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+        for rated in &record.opinions {
+            materials.entry(&rated.stimulus.method).or_default().insert(&rated.stimulus.material);
+        }
+        let mut rows: Vec<(String, usize)> = materials.into_iter().map(|(m, of)| (m.to_owned(), of.len())).collect();
+        rows.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        Self { title: observed("Materials rated, by approximation method", record.synthetic), rows }
+    }
+}
+
+const ROW: f64 = 28.0;
+const TOP: f64 = 64.0;
+
+/// The left end of the axis beside the widest of some labels.
+fn margin<'a>(labels: impl Iterator<Item = &'a str>) -> Result<f64, String> {
+    let widths: Vec<f64> = labels.map(|label| marks::width(label, TEXT)).collect::<Result<_, _>>()?;
+    Ok((widths.into_iter().fold(40.0, f64::max) + 36.0).min(460.0))
+}
+
+impl Picture for Counts {
+    fn size(&self) -> (u32, u32) {
+        (WIDTH, (TOP + ROW * self.rows.len() as f64 + 20.0) as u32)
+    }
+
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let most = self.rows.iter().map(|r| r.1).max().unwrap_or(1) as f64;
+        let left = margin(self.rows.iter().map(|r| r.0.as_str()))?;
+        let x = Axis { data: (0.0, most), pixels: (left, f64::from(WIDTH) - 80.0) };
+        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        for (i, (method, count)) in self.rows.iter().enumerate() {
+            let y = TOP + ROW * (i as f64 + 0.5);
+            canvas.words(method, (left - 12.0, y), TEXT, Anchor::Right)?;
+            canvas.bar((x.at(0.0), y - 9.0), (x.at(*count as f64), y + 9.0), BLUE, false)?;
+            canvas.words(&count.to_string(), (x.at(*count as f64) + 8.0, y), TEXT, Anchor::Left)?;
+        }
+        Ok(())
+    }
+}
+
+/// What is boxed.
+#[derive(Clone, Copy, PartialEq)]
+enum Of {
+    Mos,
+    IntervalWidth,
+}
+
+/// Horizontal box plots, one a row.
+struct Boxes<'a> {
+    title: String,
+    unit: &'static str,
+    of: Of,
+    rows: Vec<(String, &'a NamedBox, &'a BoxPlot)>,
+}
+
+impl<'a> Boxes<'a> {
+    fn of(record: &StudyRecord, set: &'a BoxSet, of: Of) -> Self {
+        let plot = |named: &'a NamedBox| match of {
+            Of::Mos => Some(&named.mos),
+            Of::IntervalWidth => named.interval_width.as_ref(),
+        };
+        let row = |named: &'a NamedBox| {
+            let plot = plot(named)?;
+            Some((format!("{} ({})", named.levels.join(", "), plot.n), named, plot))
+        };
+        let mut rows: Vec<_> = set.boxes.iter().filter_map(row).collect();
+        // Methods by their scores; what has an order or two levels a factor keeps it.
+        if set.factors == ["method"] {
+            rows.sort_by(|a, b| b.2.median.total_cmp(&a.2.median).then_with(|| a.0.cmp(&b.0)));
+        }
+        let (what, unit) = match of {
+            Of::Mos => ("Mean opinion scores", "MOS (number of stimuli)"),
+            Of::IntervalWidth => ("Widths of 95 % intervals", "MOS (number of stimuli)"),
+        };
+        let factors = set.factors.join(" and ");
+        let title = if factors.is_empty() { what.to_owned() } else { format!("{what} by {factors}") };
+        Self { title: observed(&title, record.synthetic), unit, of, rows }
+    }
+
+    fn range(&self) -> (f64, f64) {
+        match self.of {
+            Of::Mos => (1.0, 5.0),
+            Of::IntervalWidth => {
+                let ends = self.rows.iter().flat_map(|r| r.2.outliers.iter().chain(&r.2.whiskers));
+                (0.0, (ends.copied().fold(0.1, f64::max) * 5.0).ceil() / 5.0)
+            }
+        }
+    }
+}
+
+impl Picture for Boxes<'_> {
+    fn size(&self) -> (u32, u32) {
+        (WIDTH, (TOP + ROW * self.rows.len() as f64 + 66.0) as u32)
+    }
+
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let left = margin(self.rows.iter().map(|r| r.0.as_str()))?;
+        let x = Axis { data: self.range(), pixels: (left, f64::from(WIDTH) - 40.0) };
+        let bottom = TOP + ROW * self.rows.len() as f64;
+        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        for tick in x.ticks(if self.of == Of::Mos { 1.0 } else { 0.2 }) {
+            canvas.line((x.at(tick), TOP - 6.0), (x.at(tick), bottom), FAINT, 1.0)?;
+            let label = if self.of == Of::Mos { format!("{tick:.0}") } else { format!("{:.1}", tick + 0.0) };
+            canvas.words(&label, (x.at(tick), bottom + 18.0), TEXT, Anchor::Middle)?;
+        }
+        canvas.words(self.unit, (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
+        for (i, (label, named, plot)) in self.rows.iter().enumerate() {
+            let y = TOP + ROW * (i as f64 + 0.5);
+            canvas.words(label, (left - 12.0, y), TEXT, Anchor::Right)?;
+            let [low, high] = plot.whiskers;
+            canvas.line((x.at(low), y), (x.at(high), y), INK, 1.5)?;
+            for end in [low, high] {
+                canvas.line((x.at(end), y - 5.0), (x.at(end), y + 5.0), INK, 1.5)?;
+            }
+            let [q1, q3] = plot.quartiles;
+            canvas.bar((x.at(q1), y - 9.0), (x.at(q3), y + 9.0), BLUE, true)?;
+            canvas.line((x.at(plot.median), y - 9.0), (x.at(plot.median), y + 9.0), INK, 3.0)?;
+            for outlier in &plot.outliers {
+                canvas.ring((x.at(*outlier), y), 3.5)?;
+            }
+            if self.of == Of::Mos {
+                if let Some(interval) = named.mean_interval {
+                    canvas.line((x.at(interval.low), y), (x.at(interval.high), y), ORANGE, 3.0)?;
+                }
+                canvas.diamond((x.at(named.mean), y), 5.0)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Scores under two illuminations.
+struct Lights<'a> {
+    title: String,
+    names: [&'a str; 2],
+    methods: Vec<&'a str>,
+    /// Method, score under the first, score under the second.
+    points: Vec<(usize, f64, f64)>,
+}
+
+impl<'a> Lights<'a> {
+    fn of(record: &'a StudyRecord) -> Option<Self> {
+        let [a, b] = &record.illumination.as_ref()?.illuminations;
+        let under = |light: &str| -> BTreeMap<(&'a str, &'a str), f64> {
+            let rated = record.opinions.iter().filter(|r| r.stimulus.illumination.as_deref() == Some(light));
+            rated.map(|r| ((r.stimulus.material.as_str(), r.stimulus.method.as_str()), r.opinion.mos)).collect()
+        };
+        let (first, second) = (under(a), under(b));
+        let both: Vec<_> = first.iter().filter_map(|(key, x)| Some((key.1, *x, *second.get(key)?))).collect();
+        let methods: Vec<&str> = both.iter().map(|p| p.0).collect::<BTreeSet<_>>().into_iter().collect();
+        let place = |method: &str| methods.iter().position(|m| *m == method).unwrap_or(0);
+        let points: Vec<_> = both.iter().map(|(method, x, y)| (place(method), *x, *y)).collect();
+        let title = observed(&format!("Mean opinion scores under {a} and {b}"), record.synthetic);
+        (!points.is_empty()).then_some(Self { title, names: [a, b], methods, points })
+    }
+}
+
+impl Picture for Lights<'_> {
+    fn size(&self) -> (u32, u32) {
+        (WIDTH, (110.0 + 26.0 * self.methods.len() as f64).max(740.0) as u32)
+    }
+
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let x = Axis { data: (1.0, 5.0), pixels: (60.0, 660.0) };
+        let y = Axis { data: (1.0, 5.0), pixels: (680.0, 80.0) };
+        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        canvas.words(&format!("MOS under {}", self.names[1]), (20.0, 58.0), TEXT, Anchor::Left)?;
+        canvas.words(&format!("MOS under {}", self.names[0]), (660.0, 724.0), TEXT, Anchor::Right)?;
+        for tick in x.ticks(1.0) {
+            canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
+            canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
+            canvas.words(&format!("{tick}"), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
+            canvas.words(&format!("{tick}"), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
+        }
+        canvas.line((x.pixels.0, y.pixels.0), (x.pixels.1, y.pixels.1), INK, 1.0)?;
+        for &(method, first, second) in &self.points {
+            canvas.mark(method, (x.at(first), y.at(second)), 4.5)?;
+        }
+        legend(canvas, &self.methods, 690.0, 90.0)
+    }
+}

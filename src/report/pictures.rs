@@ -1,0 +1,73 @@
+//! Pictures of a study's references and candidates, for its page.
+
+use super::page::materials::{Candidate, Material};
+use crate::brdf::{BrdfError, BrdfSource};
+use crate::dataset::Study;
+use crate::descriptor::light::Light;
+use crate::evaluation::records::BenchmarkRecord;
+use crate::render::{RenderError, Sphere};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+use thiserror::Error;
+
+/// Pixels a side.
+const SIDE: usize = 48;
+
+/// Why a material has no picture.
+#[derive(Debug, Error)]
+pub enum PictureError {
+    #[error(transparent)]
+    Source(#[from] Box<BrdfError>),
+    #[error("{notation}: {source}")]
+    Render { notation: String, source: Box<RenderError> },
+}
+
+/// The materials of `study`, those first on which the first metric of `benchmark` is furthest off, at most `most`.
+///
+/// # Errors
+/// A source that cannot be read, or that has no measured values.
+pub fn of_study(
+    study: &Study,
+    base: Option<&Path>,
+    benchmark: Option<&BenchmarkRecord>,
+    light: &Light,
+    most: usize,
+) -> Result<Vec<Material>, PictureError> {
+    let errors: BTreeMap<&str, f64> =
+        benchmark.iter().flat_map(|b| &b.residuals).map(|r| (r.material.as_str(), r.rms)).collect();
+    let mut pairs: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (index, pair) in study.pairs.iter().enumerate() {
+        pairs.entry(pair.material.as_str()).or_default().push(index);
+    }
+    let error = |name: &str| errors.get(name).copied();
+    let mut names: Vec<&str> = pairs.keys().copied().collect();
+    let rank = |name: &str| error(name).unwrap_or(f64::NEG_INFINITY);
+    names.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then_with(|| a.cmp(b)));
+    names.truncate(most);
+    let sphere = Sphere::new(SIDE, light);
+    let shown = |source: &BrdfSource| -> Result<Vec<u8>, PictureError> {
+        let open = source.open(base).map_err(Box::new)?;
+        sphere.png(&*open.brdf).map_err(|e| PictureError::Render { notation: open.notation, source: Box::new(e) })
+    };
+    let material = |name: &&str| -> Result<Material, PictureError> {
+        let candidate = |&index: &usize| -> Result<Candidate, PictureError> {
+            let pair = &study.pairs[index];
+            let prediction = benchmark.and_then(|b| {
+                let subject = b.headline.first()?;
+                let row = b.predictions.iter().find(|p| p.material == pair.material && p.method == pair.method)?;
+                row.predicted.get(subject).copied()
+            });
+            let (method, picture) = (pair.method.clone(), shown(&pair.candidate)?);
+            Ok(Candidate { method, picture, mos: pair.mos, predicted: prediction })
+        };
+        let of_material = &pairs[*name];
+        Ok(Material {
+            name: (*name).to_owned(),
+            reference: shown(&study.pairs[of_material[0]].reference)?,
+            candidates: of_material.iter().map(candidate).collect::<Result<_, _>>()?,
+            error: error(name),
+        })
+    };
+    names.par_iter().map(material).collect()
+}

@@ -58,7 +58,11 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
             pictures::of_study(&study, data, benchmark.as_ref(), &light, usize::MAX).map_err(anyhow::Error::from)?
         }
         // Ratings alone have no BRDFs; a study that is wrong is another matter.
-        Err(absent @ (DatasetError::NoDataFolder { .. } | DatasetError::MissingFile { .. })) => {
+        Err(
+            absent @ (DatasetError::NoDataFolder { .. }
+            | DatasetError::MissingFile { .. }
+            | DatasetError::NoPairs { .. }),
+        ) => {
             missing.push(format!("Pictures of the materials: {absent}."));
             Vec::new()
         }

@@ -29,7 +29,7 @@ struct Lines<'a> {
     spectra: &'a [Spectrum],
 }
 
-const LOWEST: f64 = -6.0;
+const LOWEST: f64 = -5.0;
 
 impl Picture for Lines<'_> {
     fn size(&self) -> (u32, u32) {

@@ -88,7 +88,7 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
 fn boxed(what: &str) -> String {
     format!(
         "{what}: median, quartiles, whiskers to the last value within 1.5 interquartile ranges, and outliers; a diamond \
-         is the mean, the bar through it its 95 % interval of a bootstrap by material."
+         is the mean, the bar through it its 95 % interval of a bootstrap by material. In brackets the number of stimuli."
     )
 }
 
@@ -150,7 +150,6 @@ enum Of {
 /// Horizontal box plots, one a row.
 struct Boxes<'a> {
     title: String,
-    unit: &'static str,
     of: Of,
     rows: Vec<(String, &'a NamedBox, &'a BoxPlot)>,
 }
@@ -170,13 +169,13 @@ impl<'a> Boxes<'a> {
         if set.factors == ["method"] {
             rows.sort_by(|a, b| b.2.median.total_cmp(&a.2.median).then_with(|| a.0.cmp(&b.0)));
         }
-        let (what, unit) = match of {
-            Of::Mos => ("Mean opinion scores", "MOS (number of stimuli)"),
-            Of::IntervalWidth => ("Widths of 95 % intervals", "MOS (number of stimuli)"),
+        let what = match of {
+            Of::Mos => "Mean opinion scores",
+            Of::IntervalWidth => "Widths of 95 % intervals of mean opinion scores",
         };
         let factors = set.factors.join(" and ");
         let title = if factors.is_empty() { what.to_owned() } else { format!("{what} by {factors}") };
-        Self { title: observed(&title, record.synthetic), unit, of, rows }
+        Self { title: observed(&title, record.synthetic), of, rows }
     }
 
     fn range(&self) -> (f64, f64) {
@@ -205,7 +204,7 @@ impl Picture for Boxes<'_> {
             let label = if self.of == Of::Mos { format!("{tick:.0}") } else { format!("{:.1}", tick + 0.0) };
             canvas.words(&label, (x.at(tick), bottom + 18.0), TEXT, Anchor::Middle)?;
         }
-        canvas.words(self.unit, (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
+        canvas.words("MOS", (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
         for (i, (label, named, plot)) in self.rows.iter().enumerate() {
             let y = TOP + ROW * (i as f64 + 0.5);
             canvas.words(label, (left - 12.0, y), TEXT, Anchor::Right)?;

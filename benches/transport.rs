@@ -1,4 +1,5 @@
-//! The Sinkhorn divergence of three channels, as `ot` takes it: three sizes, default and fast, prepared and not, beside sums
+//! The Sinkhorn divergence of three channels, as `ot` takes it, of the pairs of the golden file (a second's throughput, so
+//! that its inverse is the mean of a pair): three sizes, default and fast, prepared and not, beside sums
 //! over all pairs with the standard library on a small size; the energy distance; two workers beside one.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench transport` for one thread.
@@ -7,12 +8,13 @@
 #[allow(dead_code)]
 mod transport_pairs;
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
+use serde_json::Value;
 use std::borrow::Cow;
 use std::hint::black_box;
 use std::time::Duration;
-use transport_pairs::Model;
+use transport_pairs::{Model, Point};
 use vernis::brdf::models::Ggx;
 use vernis::metric::graph::{CosineTable, GraphGrid};
 use vernis::metric::registry::Registry;
@@ -24,15 +26,20 @@ const ALPHA: f64 = 0.1;
 const BLUR: f64 = 0.05;
 const SCALING: f64 = 0.8;
 
-/// The metals of the golden file: a long value axis.
-const PAIR: [[Model; 2]; 3] = [
-    [Model::Ggx { a: 0.02, kd: 0.01, f0: 0.95 }, Model::Ggx { a: 0.03, kd: 0.01, f0: 0.95 }],
-    [Model::Ggx { a: 0.02, kd: 0.01, f0: 0.64 }, Model::Ggx { a: 0.03, kd: 0.01, f0: 0.64 }],
-    [Model::Ggx { a: 0.02, kd: 0.01, f0: 0.54 }, Model::Ggx { a: 0.03, kd: 0.01, f0: 0.54 }],
-];
+/// The place of the pair of metals in the golden file.
+const METALS: usize = 3;
 
-fn graphs(grid: GraphGrid) -> [[Vec<f64>; 2]; 3] {
-    PAIR.map(|pair| pair.map(|model| model.graph(grid, |t| t.sqrt().sqrt())))
+/// The channels of the pairs of the golden file, reference and candidate.
+fn golden() -> Vec<[[Model; 2]; 3]> {
+    let golden: Value = serde_json::from_str(include_str!("../tests/it/transport_golden.json")).expect("JSON");
+    let channels = |pair: &Value| [0, 1, 2].map(|c| ["A", "B"].map(|side| Model::from_json(&pair[side], c)));
+    golden["pairs"].as_array().expect("pairs").iter().map(channels).collect()
+}
+
+/// phi(f cos theta_i) of those pairs.
+fn graphs(grid: GraphGrid) -> Vec<[[Vec<f64>; 2]; 3]> {
+    let graph = |model: Model| model.graph(grid, |t| t.sqrt().sqrt());
+    golden().into_iter().map(|pair| pair.map(|channel| channel.map(graph))).collect()
 }
 
 fn transport(criterion: &mut Criterion) {
@@ -42,20 +49,26 @@ fn transport(criterion: &mut Criterion) {
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));
     for size in ["9x9x36", "45x45x180", "90x90x360"] {
         let grid: GraphGrid = size.parse().expect("a grid");
-        let graphs = graphs(grid);
+        let mut graphs = graphs(grid);
+        if size == "90x90x360" {
+            // The metals, whose value axis is the longest, alone.
+            graphs = graphs.split_off(METALS);
+            graphs.truncate(1);
+        }
+        group.throughput(Throughput::Elements(graphs.len() as u64));
         for (accuracy, parameters) in [("default", study), ("fast", fast)] {
             let prepare = |values: &[f64]| PreparedChannel::new(&parameters, grid, values, None).expect("a channel");
             group.bench_function(BenchmarkId::new(accuracy, size), |bencher| {
                 bencher.iter(|| {
-                    for [a, b] in &graphs {
+                    for [a, b] in graphs.iter().flatten() {
                         black_box(divergence(&parameters, &prepare(a), &prepare(b)).expect("a divergence"));
                     }
                 });
             });
         }
-        let prepared = graphs.each_ref().map(|pair| {
-            pair.each_ref().map(|values| PreparedChannel::new(&study, grid, values, None).expect("a channel"))
-        });
+        let channel = |values: &Vec<f64>| PreparedChannel::new(&study, grid, values, None).expect("a channel");
+        let prepared: Vec<[PreparedChannel; 2]> =
+            graphs.iter().flatten().map(|pair| pair.each_ref().map(channel)).collect();
         group.bench_function(BenchmarkId::new("default, both prepared", size), |bencher| {
             bencher.iter(|| {
                 for [a, b] in &prepared {
@@ -79,7 +92,12 @@ fn all_pairs(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("sums over all pairs, three channels");
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
     let grid: GraphGrid = "4x4x16".parse().expect("a grid");
-    let points = graphs(grid).map(|pair| pair.map(|values| transport_pairs::points(grid, ALPHA, &values)));
+    let points: Vec<[Vec<Point>; 2]> = graphs(grid)
+        .iter()
+        .flatten()
+        .map(|pair| pair.each_ref().map(|v| transport_pairs::points(grid, ALPHA, v)))
+        .collect();
+    group.throughput(Throughput::Elements(points.len() as u64 / 3));
     group.bench_function("standard library, 4x4x16", |bencher| {
         bencher.iter(|| {
             for [a, b] in &points {
@@ -112,7 +130,7 @@ fn energy(criterion: &mut Criterion) {
 /// Eight divergences of one channel shared by one worker and by two.
 fn workers(criterion: &mut Criterion) {
     let study = SinkhornParameters::new(GroundCost::SquaredDistance, ALPHA, BLUR, SCALING).expect("parameters");
-    let [pair, ..] = graphs(GraphGrid::STUDY);
+    let [[pair, ..], ..] = &graphs(GraphGrid::STUDY)[..] else { return };
     let prepare = |values: &[f64]| PreparedChannel::new(&study, GraphGrid::STUDY, values, None).expect("a channel");
     let [a, b] = pair.each_ref().map(|values| prepare(values));
     let mut group = criterion.benchmark_group("ot, 8 channels of 45x45x180");

@@ -6,6 +6,8 @@
 mod compare;
 mod data;
 mod describe;
+#[cfg(feature = "train")]
+mod experiment;
 mod fit;
 mod metrics;
 mod progress;
@@ -73,6 +75,9 @@ enum Command {
     Fit(fit::FitArgs),
     /// Rebuild the candidates of a study from its references.
     Refit(refit::RefitArgs),
+    /// Questions that take hours to answer, and their reports.
+    #[cfg(feature = "train")]
+    Experiment(experiment::ExperimentArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -148,6 +153,8 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),
         Command::Refit(args) => refit::run(&cli.shared, args),
+        #[cfg(feature = "train")]
+        Command::Experiment(args) => experiment::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),

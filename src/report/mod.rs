@@ -2,6 +2,7 @@
 
 #[cfg(feature = "train")]
 pub mod figures;
+pub mod losses;
 #[cfg(feature = "train")]
 mod marks;
 pub mod output;

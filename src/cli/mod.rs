@@ -9,6 +9,7 @@ mod describe;
 #[cfg(feature = "train")]
 mod experiment;
 mod fit;
+mod manifold;
 mod metrics;
 mod progress;
 mod refit;
@@ -75,6 +76,8 @@ enum Command {
     Fit(fit::FitArgs),
     /// Rebuild the candidates of a study from its references.
     Refit(refit::RefitArgs),
+    /// Make approximations of a reference that lie on a manifold through many.
+    Manifold(manifold::ManifoldArgs),
     /// Questions that take hours to answer, and their reports.
     #[cfg(feature = "train")]
     Experiment(experiment::ExperimentArgs),
@@ -153,6 +156,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),
         Command::Refit(args) => refit::run(&cli.shared, args),
+        Command::Manifold(args) => manifold::run(&cli.shared, args),
         #[cfg(feature = "train")]
         Command::Experiment(args) => experiment::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),

@@ -6,6 +6,7 @@ use super::{Loss, OPINION};
 use crate::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use crate::dataset::Study;
 use crate::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Progress, Setup};
+use crate::fit::refit::file_name;
 use crate::fit::{FitFile, Fitting};
 use crate::math::seed;
 use crate::metric::lp::{LpDistances, LpReference};
@@ -155,7 +156,7 @@ impl Job<'_> {
     }
 
     fn file(&self, model: &str, loss: Loss) -> String {
-        format!("{}.{model}.{}.json", self.material, loss.name())
+        format!("{}.{model}.{}.json", file_name(self.material), loss.name())
     }
 
     fn kept(&self) -> Vec<Option<FitRecord>> {

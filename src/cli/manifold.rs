@@ -5,6 +5,7 @@ use super::{Shared, print, user_error, workspace};
 use crate::brdf::formats::{merl, titopo};
 use crate::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
 use crate::dataset::Study;
+use crate::descriptor::Progress;
 use crate::fit::manifold::{Manifold, SAMPLES};
 use crate::fit::refit::file_name;
 use crate::metric::Metric;
@@ -117,7 +118,8 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     };
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     let bar = Bar::new();
-    bar.stage("manifold");
+    let told = |done| bar.update("manifold samples", Progress { done, total: SAMPLES });
+    told(0);
     let open = |source: &BrdfSource| source.open(shared.data.as_deref()).map_err(user_error);
     let opened = sources.values().map(open).collect::<Result<Vec<_>>>()?;
     let borrowed: Vec<&dyn Brdf> = opened.iter().map(|open| &*open.brdf).collect();
@@ -129,6 +131,7 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
         let path = folder.path().join(format!("{stem}.manifold.{i}.{}", args.format.extension()));
         args.format.write(&path, &table)?;
         let distances = distances(&metrics, &reference, &table).map_err(user_error)?;
+        told(i);
         Ok(Sample { path, distances: distances.into_iter().map(|d| d.value).collect() })
     };
     let samples = (1..=SAMPLES).map(sample).collect::<Result<Vec<_>>>();

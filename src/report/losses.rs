@@ -2,7 +2,7 @@
 
 use super::tables::Table;
 use crate::evaluation::losses::compare::{Comparison, Verdict};
-use crate::evaluation::losses::record::LossesRecord;
+use crate::evaluation::losses::record::{LossesRecord, Searches};
 use crate::evaluation::losses::{Loss, OPINION};
 use std::collections::BTreeMap;
 
@@ -189,9 +189,7 @@ fn method(record: &LossesRecord) -> String {
          * Searches that spent their evaluations, of all fits, and the median of evaluations: ",
         s.coarsening, s.transport, s.max_evaluations, s.folds, record.study, s.energy,
     );
-    let ends = |e: &crate::evaluation::losses::record::Searches| {
-        format!("`{}` {} of {}, {}", e.loss.name(), e.unfinished, e.fits, e.evaluations)
-    };
+    let ends = |e: &Searches| format!("`{}` {} of {}, {}", e.loss.name(), e.unfinished, e.fits, e.evaluations);
     text += &record.searches.iter().map(ends).collect::<Vec<_>>().join("; ");
     text += &format!(".\n* Materials: {}.\n", record.materials.join(", "));
     text += &format!("* Seed {}, vernis {}.", s.seed, env!("CARGO_PKG_VERSION"));

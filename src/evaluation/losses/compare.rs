@@ -7,7 +7,8 @@
 //! distances of different materials differ by orders of magnitude, and d is the same with any unit. d_m is the mean over the
 //! models, reported is the mean over materials, with the share of materials on which the loss is better. Intervals and
 //! p-values are those of [`super::super::bootstrap`], materials drawn with replacement; p is corrected for all fair
-//! comparisons with one baseline (Holm).
+//! comparisons with one baseline (Holm). The p-value of n materials is never below 2^(1 - n), that of a sign test on which all
+//! agree: a handful of materials decides nothing, however alike they are.
 //!
 //! A comparison is fair where the judge is neither the loss nor the baseline.
 
@@ -183,7 +184,8 @@ fn comparison(
     };
     let none = || EvaluationError::TooFew { what: "resamples of a bootstrap", found: 0, least: MIN_RESAMPLES };
     let replicates = draws.iter().map(|draw| mean(&mut draw.iter().copied())).collect();
-    let difference = Difference::of(mean(&mut (0..differences.len())), replicates).ok_or_else(none)?;
+    let mut difference = Difference::of(mean(&mut (0..differences.len())), replicates).ok_or_else(none)?;
+    difference.p = difference.p.max(0.5f64.powf(differences.len() as f64 - 1.0));
     let wins = |draw: &Vec<usize>| draw.iter().filter(|m| better(differences[**m])).count() as f64;
     Ok(Comparison {
         judge: judge.to_owned(),
@@ -221,7 +223,7 @@ mod tests {
     }
 
     fn compared(judge: &str, loss: Loss, differences: &[f64]) -> Comparison {
-        let draws = draws(differences.len(), 400, 1);
+        let draws = draws(differences.len(), 1000, 1);
         let mut one = [comparison(judge, loss, Loss::Square, differences, &draws).unwrap()];
         decide(&mut one);
         one[0].clone()
@@ -245,6 +247,7 @@ mod tests {
         assert!((width - 12.4).abs() < 3.0, "{width}");
         assert!(better.wins_interval.contains(better.wins as f64));
         assert_eq!(compared("energy", Loss::Blended, &around(0.0, 30.0, 30)).verdict, Verdict::Undecided);
+        assert_eq!(compared("energy", Loss::Blended, &around(-20.0, 1.0, 4)).verdict, Verdict::Undecided);
         // More is better of opinion scores alone.
         assert_eq!(compared(OPINION, Loss::Blended, &around(-0.2, 0.3, 30)).verdict, Verdict::Worse);
     }

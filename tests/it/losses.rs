@@ -80,8 +80,8 @@ fn settings() -> Settings {
         losses: LOSSES.to_vec(),
         coarsening: 12,
         max_evaluations: 30,
-        transport: "ot[grid=5x5x16]".to_owned(),
-        energy: "energy[grid=5x5x16]".to_owned(),
+        transport: "ot[grid=4x4x8]".to_owned(),
+        energy: "energy[grid=4x4x8]".to_owned(),
         seed: 1,
         folds: 2,
     }

@@ -33,8 +33,9 @@ pub struct FitArgs {
     /// The loss: a metric by name, or the path of an exported metric.
     #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
     metric: String,
-    /// staged, log (a fit under D9.Cl first), or a file of parameters [default: log for learned metrics, else staged].
-    #[arg(long, value_name = "staged|log|FILE.json")]
+    /// staged, log (a fit under D9.Cl first, then a learned metric by degrees), log-at-once (without the degrees), or a file of
+    /// parameters [default: log for learned metrics, else staged].
+    #[arg(long, value_name = "staged|log|log-at-once|FILE.json")]
     start: Option<String>,
     /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients.
     #[arg(long, value_name = "NAME", default_value = "hooke-jeeves")]
@@ -127,6 +128,7 @@ fn start(text: &str, model: &str) -> Result<Start> {
     match text {
         "staged" => Ok(Start::Staged),
         "log" => Ok(Start::Log),
+        "log-at-once" => Ok(Start::LogAtOnce),
         path if path.ends_with(".json") => {
             let parameters = model_json::read(Path::new(path)).map_err(user_error)?;
             if parameters.model() != model {
@@ -136,9 +138,9 @@ fn start(text: &str, model: &str) -> Result<Start> {
             let built = parameters.build().map_err(|e| user_error(format!("--start {path}: {e}")))?;
             Ok(Start::Parameters(built.parameters()))
         }
-        other => {
-            Err(user_error(format!("--start: found {other}, allowed: staged, log, or a .json file of parameters")))
-        }
+        other => Err(user_error(format!(
+            "--start: found {other}, allowed: staged, log, log-at-once, or a .json file of parameters"
+        ))),
     }
 }
 

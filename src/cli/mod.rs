@@ -6,7 +6,10 @@
 mod compare;
 mod data;
 mod describe;
+#[cfg(feature = "train")]
+mod experiment;
 mod fit;
+mod manifold;
 mod metrics;
 mod progress;
 mod refit;
@@ -74,6 +77,11 @@ enum Command {
     Fit(fit::FitArgs),
     /// Rebuild the candidates of a study from its references.
     Refit(refit::RefitArgs),
+    /// Make approximations of a reference that lie on a manifold through many.
+    Manifold(manifold::ManifoldArgs),
+    /// Questions that take hours to answer, and their reports.
+    #[cfg(feature = "train")]
+    Experiment(experiment::ExperimentArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
     /// Describe one BRDF: what it is, and its descriptors.
@@ -151,6 +159,9 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),
         Command::Refit(args) => refit::run(&cli.shared, args),
+        Command::Manifold(args) => manifold::run(&cli.shared, args),
+        #[cfg(feature = "train")]
+        Command::Experiment(args) => experiment::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),

@@ -111,10 +111,7 @@ impl Bootstrapped {
             .zip(&other.replicates)
             .filter_map(|(a, b)| Some(a.as_ref()?.get(figure)? - b.as_ref()?.get(figure)?))
             .collect();
-        let beyond = |side: fn(f64) -> bool| 1 + differences.iter().filter(|&&d| side(d)).count();
-        let tail = beyond(|d| d <= 0.0).min(beyond(|d| d >= 0.0));
-        let p = (2.0 * tail as f64 / (differences.len() + 1) as f64).min(1.0);
-        Some(Difference { difference, interval: Interval::percentile(differences)?, p })
+        Difference::of(difference, differences)
     }
 }
 
@@ -125,6 +122,16 @@ pub struct Difference {
     pub interval: Interval,
     /// Two-sided, of one comparison; see [`holm`].
     pub p: f64,
+}
+
+impl Difference {
+    /// From the difference and its value on every resample; `None` without resamples.
+    pub(super) fn of(difference: f64, replicates: Vec<f64>) -> Option<Self> {
+        let beyond = |side: fn(f64) -> bool| 1 + replicates.iter().filter(|&&d| side(d)).count();
+        let tail = beyond(|d| d <= 0.0).min(beyond(|d| d >= 0.0));
+        let p = (2.0 * tail as f64 / (replicates.len() + 1) as f64).min(1.0);
+        Some(Self { difference, interval: Interval::percentile(replicates)?, p })
+    }
 }
 
 /// P-values corrected for the number of comparisons, in the order given (Holm 1979, JSTOR 4615733): with p sorted

@@ -10,6 +10,7 @@ pub mod bootstrap;
 pub mod calibration;
 pub mod cross_validation;
 pub mod dependent;
+pub mod losses;
 pub mod protocol;
 pub mod records;
 #[cfg(feature = "train")]
@@ -19,9 +20,12 @@ pub mod sweep;
 use crate::brdf::BrdfError;
 use crate::dataset::samples::SamplesError;
 use crate::dataset::split::SplitError;
+use crate::descriptor::DescriptorError;
+use crate::fit::FitError;
 use crate::math::correlation::CorrelationError;
 use crate::math::logistic::LogisticError;
 use crate::metric::MetricError;
+use crate::metric::learned::exported::ExportedError;
 use crate::train::TrainError;
 use thiserror::Error;
 
@@ -58,4 +62,14 @@ pub enum EvaluationError {
     Table { notation: String, source: Box<MetricError> },
     #[error("no metric is called {name}; judged are {judged}")]
     UnknownMetric { name: String, judged: String },
+    #[error("{name}: {source}")]
+    MetricNamed { name: String, source: Box<MetricError> },
+    #[error("{material}, {model} under {loss}: {source}")]
+    Fit { material: String, model: String, loss: &'static str, source: Box<FitError> },
+    #[error(transparent)]
+    Descriptor(#[from] Box<DescriptorError>),
+    #[error(transparent)]
+    Exported(#[from] Box<ExportedError>),
+    #[error("the result cannot be written: {reason}")]
+    Write { reason: String },
 }

@@ -3,7 +3,7 @@
 //! 1. The loss of the metric, and a cheaper one for the search: fewer cells for Lp, a coarser grid for metrics on graphs.
 //! 2. The starts: staged, a fit under the logarithm (D9.Cl), or given parameters; further ones by rank, then by chance.
 //! 3. A search from each start under the cheap loss, in parallel; the best one counts. A learned metric that starts from a fit
-//!    under the logarithm is let in by degrees instead ([`Blend`]).
+//!    under the logarithm is let in by degrees instead ([`Blend`]), or, for comparison, at once ([`Start::LogAtOnce`]).
 //! 4. A polish under the metric itself, with steps of a hundredth: by L-BFGS where there are gradients, else by the method
 //!    of the search.
 
@@ -49,8 +49,10 @@ const SCATTER: f64 = 1.0;
 pub enum Start {
     /// [`staged`].
     Staged,
-    /// At the result of a fit under D9.Cl.
+    /// At the result of a fit under D9.Cl; a learned metric is then let in by degrees.
     Log,
+    /// There as well, but a learned metric is the loss from the first step on.
+    LogAtOnce,
     /// At these parameters.
     Parameters(Vec<f64>),
 }
@@ -60,6 +62,7 @@ impl Start {
         match self {
             Self::Staged => "staged",
             Self::Log => "log",
+            Self::LogAtOnce => "log-at-once",
             Self::Parameters(_) => "parameters",
         }
     }
@@ -233,7 +236,7 @@ impl<'a> Fitting<'a> {
         let mut log = None;
         let mut starts = match self.start_or_default() {
             Start::Staged => staged(space, &lattice()?, search, self.starts, &count)?,
-            Start::Log => {
+            Start::Log | Start::LogAtOnce => {
                 let loss = LpLoss::new(reference, LOG, self.coarsening.max(2))?.ok_or_else(no_log)?;
                 let starts = staged(space, &lattice()?, &loss, self.starts, &count)?;
                 let limits = Limits { max_evaluations: 5000, step: STEP, tolerance: TOLERANCE };
@@ -310,7 +313,8 @@ impl<'a> Fitting<'a> {
         let total = limits.max_evaluations;
         let mut x = space.scaled(&start.parameters);
         let mut spent = 0;
-        for t in BLENDS {
+        let blends = if self.start == Some(Start::LogAtOnce) { &[][..] } else { &BLENDS };
+        for &t in blends {
             let blend = Blend { a: log, b: learned, scale, t };
             let objective = LossObjective::new(space, &blend, self.method);
             objective.check(self.method)?;

@@ -136,7 +136,7 @@ impl Refitting<'_> {
 }
 
 /// A name for files that no two materials share: all but letters, digits, `-`, `_` and `.` as their code points.
-fn file_name(material: &str) -> String {
+pub fn file_name(material: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     material.chars().map(|c| if plain(c) { c.to_string() } else { format!("%{:X}", u32::from(c)) }).collect()
 }

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "train")]
 pub mod figures;
+pub mod losses;
 pub mod output;
 pub mod page;
 pub mod pictures;

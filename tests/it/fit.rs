@@ -4,8 +4,10 @@
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
+use vernis::brdf::formats::titopo;
 use vernis::brdf::models::build;
 use vernis::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf};
+use vernis::dataset::Study;
 use vernis::fit::loss::{LearnedLoss, Loss, LpLoss};
 use vernis::fit::optimizer::{Method, StopReason};
 use vernis::fit::{FitError, Fitted, Fitting, Start};
@@ -313,4 +315,70 @@ fn a_study_is_refitted_and_a_second_run_keeps_what_is_there() {
     assert_eq!(std::fs::read(place.0.path().join("refits/refit.csv")).expect("a table"), csv);
     let text = place.mistake(&["refit", "--study", "pairs.csv", "--method", "WART", "--out", "refits"]);
     assert!(text.contains("--method: found WART, allowed: ABC, WARD"), "{text}");
+}
+
+#[test]
+fn samples_of_a_manifold_are_written_and_leave_their_reference() {
+    let place = Place::new();
+    let ggx = r#"{"model":"ggx","kd":[0.1,0.2,0.3],"f0":[0.1,0.1,0.1],"alpha":0.3}"#;
+    std::fs::write(place.0.path().join("ggx.json"), ggx).expect("writable");
+    let manifold = |more: &[&str]| {
+        let args = ["manifold", "--reference", "ward.json", "--reference", "ggx.json", "--out", "samples"];
+        place.run(&[&args[..], more].concat())
+    };
+    let output = manifold(&["--material", "ggx.json"]);
+    let said = String::from_utf8(output.stdout).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(said.starts_with("1 axes through 2 references\n"), "{said}");
+    assert_eq!(said.matches("  grows with every sample").count(), 2, "{said}");
+    // The table that was written has the distance that was reported.
+    let csv = std::fs::read_to_string(place.0.path().join("samples/ggx.json.manifold.csv")).expect("a table");
+    let last: Vec<&str> = csv.lines().last().expect("six samples").split(',').collect();
+    assert_eq!((csv.lines().next(), last[0]), (Some("sample,file,D9.Cl,D4.Cl.CR"), "6"));
+    let sample = format!("samples/{}", last[1]);
+    place.run(&["data", "convert", "ggx.json", "ggx.titopoh"]);
+    let compared = place.run(&["compare", "ggx.titopoh", &sample, "--metric", "D9.Cl", "--json"]);
+    let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).expect("JSON");
+    let (a, b) =
+        (compared["distances"]["D9.Cl"].as_f64().expect("a number"), last[2].parse::<f64>().expect("a number"));
+    assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+    let text = String::from_utf8(manifold(&["--material", "teflon"]).stderr).expect("UTF-8");
+    assert!(text.contains("--material: found teflon, allowed: ggx.json, ward.json"), "{text}");
+}
+
+/// The study's own samples, `MATERIAL.1` to `MATERIAL.6` among its tables, are candidates with their ratings.
+#[test]
+fn the_studys_own_manifold_samples_are_candidates() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (study, tables) = (dir.path().join("lavoue2021"), dir.path().join("lavoue2021/tables"));
+    std::fs::create_dir_all(&tables).expect("writable");
+    std::fs::create_dir_all(dir.path().join("merl")).expect("writable");
+    std::fs::write(dir.path().join("merl/steel.binary"), "").expect("writable");
+    std::fs::write(study.join("MaterialType.csv"), "BRDF;Type\nsteel;Metal\n").expect("writable");
+    let ratings: String = (1..=6).map(|i| format!("GPLVM_APPROX.{i};steel;0.{i}\n")).collect();
+    let ratings = format!("METHOD;BRDF;DISTANCE\n{ratings}");
+    std::fs::write(study.join("PerceptualDistances.csv"), ratings).expect("writable");
+    for i in [1, 6] {
+        let made = TabulatedBrdf::tabulate(&*build("ggx", &GGX).expect("within bounds"), Grid::TITOPO_HALF);
+        titopo::write(&tables.join(format!("steel.{i}.titopoh")), &made.expect("a table")).expect("writable");
+    }
+    let loaded = Study::load("lavoue2021", Some(dir.path())).expect("a study");
+    let found: Vec<(&str, &str, f64)> =
+        loaded.pairs.iter().map(|p| (p.method.as_str(), p.method_family.as_str(), p.mos)).collect();
+    assert_eq!(found.len(), 2);
+    for ((method, family, mos), i) in found.into_iter().zip([1.0, 6.0]) {
+        assert_eq!((method, family), (format!("GPLVM_APPROX.{i}").as_str(), "GPLVM"));
+        assert!((mos - (5.0 - 0.4 * i)).abs() < 1e-12, "{mos}");
+    }
+    let opened = loaded.pairs[1].candidate.open(Some(dir.path())).expect("present").brdf;
+    assert_eq!(opened.as_table().expect("a table").grid(), Grid::TITOPO_HALF);
+}
+
+#[cfg(feature = "train")]
+#[test]
+fn an_experiment_without_its_study_says_where_to_get_it() {
+    let place = Place::new();
+    let text = place.mistake(&["experiment", "losses", "--out", "losses"]);
+    assert!(text.contains("lavoue2021-open") && text.lines().count() == 1, "{text}");
+    assert!(!place.0.path().join("losses").exists());
 }

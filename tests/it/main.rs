@@ -9,6 +9,7 @@ mod evaluation;
 mod fit;
 mod graph;
 mod learned;
+mod losses;
 mod lp;
 mod lp_golden;
 mod naive_lp;

@@ -1,0 +1,200 @@
+//! The report of the experiment on losses, in Markdown.
+
+use super::tables::Table;
+use crate::evaluation::losses::compare::{Comparison, Verdict};
+use crate::evaluation::losses::record::{LossesRecord, Searches};
+use crate::evaluation::losses::{Loss, OPINION};
+use std::collections::BTreeMap;
+
+/// The whole report; `command` makes it again.
+pub fn markdown(record: &LossesRecord, command: &str) -> String {
+    let mut text = format!("# Which loss should a fit have?\n\n`{command}`\n\n");
+    if record.synthetic {
+        text += "**SYNTHETIC ratings: they come from simulated observers and say nothing about people.**\n\n";
+    }
+    text += &introduction(record);
+    text += "\n## In short\n\n";
+    text += &summary(record);
+    text += "\n## All models together\n\n";
+    for (baseline, comparisons) in &record.pooled {
+        text += &differences(&format!("Against {}", baseline.name()), comparisons).to_markdown();
+        text += "\n";
+    }
+    if let Some((baseline, comparisons)) = record.pooled.first() {
+        let title =
+            format!("Materials of {} on which a loss is better than {}", record.materials.len(), baseline.name());
+        text += &wins(&title, comparisons).to_markdown();
+        text += "\n";
+    }
+    if !record.blending.is_empty() {
+        text += "## Blended against learned\n\n";
+        text += &blending(&record.blending).to_markdown();
+    }
+    text += "\n## Each model\n\n";
+    for (model, comparisons) in &record.by_model {
+        let baseline = comparisons.first().map_or("", |c| c.baseline.name());
+        text += &differences(&format!("{model}, against {baseline}"), comparisons).to_markdown();
+        text += "\n";
+    }
+    text + &method(record)
+}
+
+/// The tables of the whole for a terminal.
+pub fn text(record: &LossesRecord) -> String {
+    let tables = record.pooled.iter().map(|(b, c)| differences(&format!("Against {}", b.name()), c).to_text() + "\n");
+    tables.collect::<String>() + &summary(record)
+}
+
+fn introduction(record: &LossesRecord) -> String {
+    format!(
+        "{} materials, one of each group of sisters, fitted with {} under {} losses, and each fit judged by {} metrics.\n\n\
+         Read: per cent by which the judge's distance of the fits changes against the baseline, 200 (a - b)/(a + b), less is \
+         better; for `mos` the change of the predicted mean opinion score, more is better. Means over materials [95 % interval, \
+         {} resamples of materials]. *better* and *worse*: p < .05 after Holm's correction for all fair comparisons of a table. \
+         (In parentheses: the judge is the loss or the baseline itself; it decides nothing.)\n",
+        record.materials.len(),
+        record.settings.models.join(", "),
+        record.searches.len(),
+        record.judges.len(),
+        record.resamples,
+    )
+}
+
+/// In plain words: what each loss is worth against each baseline, and whether blending helps.
+fn summary(record: &LossesRecord) -> String {
+    let mut text = String::new();
+    for (baseline, comparisons) in &record.pooled {
+        let tallies = tallies(comparisons);
+        for (loss, tally) in &tallies {
+            text += &format!("* `{}` against `{}`: {}.\n", loss.name(), baseline.name(), tally.words());
+        }
+        let most = tallies.values().map(Tally::balance).max().unwrap_or(0);
+        let best: Vec<String> =
+            tallies.iter().filter(|(_, t)| t.balance() == most).map(|(l, _)| format!("`{}`", l.name())).collect();
+        text += &match most {
+            ..=0 => format!("* **No loss is better than `{}` by more judges than it is worse.**\n", baseline.name()),
+            _ => format!("* **Most often better than `{}`: {}.**\n", baseline.name(), best.join(" and ")),
+        };
+    }
+    if let Some((_, comparisons)) = record.blending.first() {
+        for tally in tallies(comparisons).values() {
+            let helps = match (tally.better.len(), tally.worse.len()) {
+                (0, 0) => "makes no difference that these materials could show",
+                (_, 0) => "helps",
+                (0, _) => "harms",
+                _ => "helps by some judges and harms by others",
+            };
+            text += &format!("* **Blending {helps}**, against the same search without it: {}.\n", tally.words());
+        }
+    }
+    text
+}
+
+/// What the fair judges say of a loss.
+#[derive(Default)]
+struct Tally {
+    better: Vec<String>,
+    worse: Vec<String>,
+    undecided: Vec<String>,
+}
+
+impl Tally {
+    fn balance(&self) -> i64 {
+        self.better.len() as i64 - self.worse.len() as i64
+    }
+
+    fn words(&self) -> String {
+        let part = |what: &str, judges: &[String]| match judges {
+            [] => format!("{what} by none"),
+            some => format!("{what} by {} ({})", some.len(), some.join(", ")),
+        };
+        let parts = [("better", &self.better), ("worse", &self.worse), ("undecided", &self.undecided)];
+        parts.map(|(what, judges)| part(what, judges)).join(", ")
+    }
+}
+
+fn tallies(comparisons: &[Comparison]) -> BTreeMap<Loss, Tally> {
+    let mut tallies: BTreeMap<Loss, Tally> = BTreeMap::new();
+    for c in comparisons {
+        let tally = tallies.entry(c.loss).or_default();
+        match c.verdict {
+            Verdict::Better => tally.better.push(c.judge.clone()),
+            Verdict::Worse => tally.worse.push(c.judge.clone()),
+            Verdict::Undecided => tally.undecided.push(c.judge.clone()),
+            Verdict::NotFair => (),
+        }
+    }
+    tallies
+}
+
+fn cell(c: &Comparison) -> String {
+    let digits = if c.judge == OPINION { 2 } else { 1 };
+    let (d, interval) = (c.difference.difference, c.difference.interval);
+    let numbers = format!("{d:+.digits$} [{:+.digits$}, {:+.digits$}]", interval.low, interval.high);
+    match c.verdict {
+        Verdict::Better => format!("{numbers} *better*"),
+        Verdict::Worse => format!("{numbers} *worse*"),
+        Verdict::Undecided => numbers,
+        Verdict::NotFair => format!("({numbers})"),
+    }
+}
+
+/// Judges x losses.
+fn table(title: &str, comparisons: &[Comparison], cell: impl Fn(&Comparison) -> String) -> Table {
+    let mut columns = vec!["judge".to_owned()];
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for c in comparisons {
+        if !columns.iter().any(|column| column == c.loss.name()) {
+            columns.push(c.loss.name().to_owned());
+        }
+        match rows.last_mut().filter(|row| row[0] == c.judge) {
+            Some(row) => row.push(cell(c)),
+            None => rows.push(vec![c.judge.clone(), cell(c)]),
+        }
+    }
+    Table { title: title.to_owned(), columns, rows }
+}
+
+fn differences(title: &str, comparisons: &[Comparison]) -> Table {
+    table(title, comparisons, cell)
+}
+
+fn wins(title: &str, comparisons: &[Comparison]) -> Table {
+    table(title, comparisons, |c| format!("{} [{:.0}, {:.0}]", c.wins, c.wins_interval.low, c.wins_interval.high))
+}
+
+/// Judges x models.
+fn blending(parts: &[(String, Vec<Comparison>)]) -> Table {
+    let columns = std::iter::once("judge".to_owned()).chain(parts.iter().map(|(model, _)| model.clone())).collect();
+    let judges = parts.first().map_or(&[][..], |(_, comparisons)| comparisons);
+    let row = |(k, c): (usize, &Comparison)| {
+        std::iter::once(c.judge.clone()).chain(parts.iter().filter_map(|(_, all)| all.get(k)).map(cell)).collect()
+    };
+    Table { title: "Blended against learned".to_owned(), columns, rows: judges.iter().enumerate().map(row).collect() }
+}
+
+fn method(record: &LossesRecord) -> String {
+    let s = &record.settings;
+    let mut text = format!(
+        "## How it was made\n\n\
+         * Losses: `D4.Cl`, `D9.Cl` and `D4.Cl.CR` (D4.Cl of cube roots) by Hooke-Jeeves on every {0}th cell along each axis, then \
+         a polish on all cells; `ot` is `{1}` by L-BFGS, a coarse grid so that a fit takes seconds; `learned` and `blended` are \
+         one learned metric by Hooke-Jeeves with {2} evaluations from a fit under D9.Cl, at once or by degrees.\n\
+         * The learned metric of a material's fits comes from {3} folds by material of {4} and has seen neither the material nor \
+         its sisters. `mos` is predicted by another one of the same fold, trained with another seed: it has not seen them either, \
+         but has the same rows and descriptors as the loss, so that it is kind to `learned` and `blended`.\n\
+         * The judge `ot` is the same as the loss `ot`; `energy` is `{5}`. `PROBE.log` and `PROBE.screen` compare pictures of a \
+         sphere under a light probe in five turns, in an opponent log space (fourth-power mean) and as a screen shows them \
+         (root mean square). The learned metrics know such pictures, but under other lights.\n\
+         * Searches that spent their evaluations, of all fits, and the median of evaluations: ",
+        s.coarsening, s.transport, s.max_evaluations, s.folds, record.study, s.energy,
+    );
+    let ends = |e: &Searches| format!("`{}` {} of {}, {}", e.loss.name(), e.unfinished, e.fits, e.evaluations);
+    text += &record.searches.iter().map(ends).collect::<Vec<_>>().join("; ");
+    text += &format!(".\n* Materials: {}.\n", record.materials.join(", "));
+    text += &format!("* Seed {}, vernis {}.", s.seed, env!("CARGO_PKG_VERSION"));
+    for (name, sha256) in &record.data {
+        text += &format!(" `{name}` {}.", &sha256[..16.min(sha256.len())]);
+    }
+    text + "\n"
+}

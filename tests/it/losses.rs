@@ -1,0 +1,174 @@
+//! The experiment on losses: metrics that have not seen a material, fits that are judged, runs that go on where they stopped.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Mutex;
+use vernis::dataset::Study;
+use vernis::descriptor::Setup;
+use vernis::evaluation::EvaluationError;
+use vernis::evaluation::losses::Loss;
+use vernis::evaluation::losses::compare::Verdict;
+use vernis::evaluation::losses::record::LossesRecord;
+use vernis::evaluation::losses::run::{Experiment, FitRecord, Probe, Settings, materials};
+use vernis::evaluation::losses::unseen::{UnseenMetrics, UnseenTraining};
+use vernis::report::losses;
+use vernis::train::kernel::KernelRidge;
+
+/// Those that need no pass over all cells of the Lp metrics.
+const LOSSES: [Loss; 3] = [Loss::Transport, Loss::Learned, Loss::Blended];
+
+/// Six materials, each a GGX surface, with candidates that are ever rougher and ever worse. The last two are sisters.
+fn study(folder: &Path) -> Study {
+    let mut rows = "reference,candidate,material,group,method,mos\n".to_owned();
+    for m in 0..6 {
+        let group = if m < 4 { format!("group{m}") } else { "sisters".to_owned() };
+        let alpha = 0.1 + 0.05 * f64::from(m);
+        let write = |name: &str, alpha: f64| {
+            let text = format!(r#"{{"model":"ggx","kd":[0.2,0.{m}5,0.1],"f0":[0.05,0.05,0.05],"alpha":{alpha}}}"#);
+            std::fs::write(folder.join(name), text).expect("writable");
+        };
+        write(&format!("m{m}.json"), alpha);
+        for (k, (factor, mos)) in [(1.05, 4.4), (1.5, 3.2), (3.0, 1.6)].into_iter().enumerate() {
+            write(&format!("m{m}-{k}.json"), (factor * alpha).min(1.0));
+            rows += &format!("m{m}.json,m{m}-{k}.json,m{m},{group},method{k},{mos}\n");
+        }
+    }
+    std::fs::write(folder.join("pairs.csv"), rows).expect("writable");
+    Study::load(folder.join("pairs.csv").to_str().expect("UTF-8"), None).expect("a study")
+}
+
+/// A folder, and the names of what was written to it.
+struct Kept<'a> {
+    folder: &'a Path,
+    written: Mutex<Vec<String>>,
+}
+
+impl<'a> Kept<'a> {
+    fn new(folder: &'a Path) -> Self {
+        Self { folder, written: Mutex::new(Vec::new()) }
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
+        std::fs::write(self.folder.join(name), text).expect("writable");
+        self.written.lock().expect("no panic").push(name.to_owned());
+        Ok(())
+    }
+
+    fn take(&self) -> BTreeSet<String> {
+        std::mem::take(&mut *self.written.lock().expect("no panic")).into_iter().collect()
+    }
+}
+
+fn train(study: &Study, kept: &Kept<'_>) -> UnseenMetrics {
+    let training = UnseenTraining {
+        study,
+        base: None,
+        cache: None,
+        trainer: &KernelRidge::nystroem(8),
+        folds: 2,
+        seed: 1,
+        folder: kept.folder,
+        write: &|name, text| kept.write(name, text),
+        progress: &|_, _| (),
+    };
+    training.run().expect("metrics")
+}
+
+fn settings() -> Settings {
+    Settings {
+        models: vec!["blinn-phong".to_owned()],
+        losses: LOSSES.to_vec(),
+        coarsening: 12,
+        max_evaluations: 30,
+        transport: "ot[grid=4x4x8]".to_owned(),
+        energy: "energy[grid=4x4x8]".to_owned(),
+        seed: 1,
+        folds: 2,
+    }
+}
+
+#[test]
+fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_material() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let study = study(dir.path());
+    let kept = Kept::new(dir.path());
+    let unseen = train(&study, &kept);
+    assert_eq!(kept.take().len(), 4, "two metrics for each of two folds");
+    for pair in &study.pairs {
+        let metrics = unseen.of(&pair.material).expect("a material of the study");
+        let (loss, judge) = (metrics.loss.exported(), metrics.judge.exported());
+        for provenance in [&loss.provenance, &judge.provenance] {
+            let unseen = provenance.command.strip_prefix("without ").expect("what was left out");
+            assert!(unseen.split(", ").any(|group| group == pair.group), "{}: {unseen}", pair.material);
+        }
+        assert_ne!(loss.provenance.seed, judge.provenance.seed);
+    }
+    assert!(unseen.of("m9").is_none());
+    train(&study, &kept);
+    assert_eq!(kept.take().len(), 0, "metrics are kept");
+
+    // One material a group, and the first ones stay the same when more are asked for.
+    let all = materials(&study, 10, 1);
+    assert_eq!(all.len(), 5);
+    let two = &all[..2];
+    assert_eq!(materials(&study, 2, 1).iter().map(|m| &m.0).collect::<Vec<_>>(), [&all[0].0, &all[1].0]);
+
+    let settings = settings();
+    let probes = [Probe { name: "lamps".to_owned(), setup: Setup::standard() }];
+    let run = |unseen: &UnseenMetrics, only_kept: bool| -> Vec<Vec<FitRecord>> {
+        let experiment = Experiment {
+            study: &study,
+            settings: &settings,
+            unseen,
+            probes: &probes,
+            base: None,
+            folder: kept.folder,
+            write: &|name, text| kept.write(name, text),
+            progress: &|_| (),
+        };
+        experiment.run(two, only_kept).expect("fits")
+    };
+    assert!(run(&unseen, true).is_empty(), "nothing is finished");
+    let first = run(&unseen, false);
+    assert_eq!(kept.take().len(), 6);
+    // A fit that is missing is made again, alone, and is the same.
+    let lost = format!("{}.blinn-phong.blended.json", two[1].0);
+    std::fs::remove_file(dir.path().join(&lost)).expect("a file of the first run");
+    assert_eq!(run(&unseen, true).len(), 1, "of two materials one is finished");
+    assert_eq!(run(&unseen, false), first);
+    assert_eq!(kept.take(), BTreeSet::from([lost]));
+    for record in first.iter().flatten() {
+        let judges: Vec<&str> = record.judged.keys().map(String::as_str).collect();
+        assert_eq!(judges, ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl", "energy", "lamps.log", "lamps.screen", "mos", "ot"]);
+        assert!(record.judged.values().all(|v| v.is_finite() && *v >= 0.0));
+        let metrics = unseen.of(&record.material).expect("a material");
+        let expected =
+            if record.loss.is_learned() { metrics.loss.exported().name.as_str() } else { record.loss.name() };
+        assert_eq!(record.fit.metric.name, expected);
+        // What the fit minimised and what the judge of that name says are the same number.
+        if record.loss == Loss::Transport {
+            assert!((record.judged["ot"] / record.fit.value - 1.0).abs() < 1e-9);
+        }
+    }
+
+    // A baseline is made by hand: twice the distances of transport.
+    let mut records = first;
+    for all in &mut records {
+        let mut baseline = all[0].clone();
+        baseline.loss = Loss::Square;
+        baseline.judged.values_mut().for_each(|v| *v *= 2.0);
+        all.push(baseline);
+    }
+    let record = LossesRecord::new(&study, &settings, &records, 100).expect("a record");
+    let (baseline, comparisons) = &record.pooled[0];
+    let energy = comparisons.iter().find(|c| c.loss == Loss::Transport && c.judge == "energy").expect("a comparison");
+    assert_eq!((*baseline, energy.wins), (Loss::Square, 2));
+    // 200 (1 - 2) / (1 + 2), without any spread; two materials decide nothing all the same.
+    assert!((energy.difference.difference + 200.0 / 3.0).abs() < 1e-9, "{energy:?}");
+    assert_eq!(energy.verdict, Verdict::Undecided);
+    let text = losses::markdown(&record, "vernis experiment losses");
+    for expected in ["## In short", "**Blending ", "| judge | ot | learned | blended |", "\n* Materials: "] {
+        assert!(text.contains(expected), "{expected} is missing in\n{text}");
+    }
+    assert!(LossesRecord::new(&study, &settings, &records[..1], 100).is_err(), "one material has no interval");
+}

@@ -120,7 +120,12 @@ fn fold_seed(seed: u64, index: usize) -> u64 {
 }
 
 fn training_error(metric: &str, fold: usize, of: &Fold, source: TrainError) -> EvaluationError {
-    EvaluationError::Training { metric: metric.to_owned(), fold, training_rows: of.training.rows().len(), source }
+    EvaluationError::Training {
+        metric: metric.to_owned(),
+        fold,
+        training_rows: of.training.rows().len(),
+        source: Box::new(source),
+    }
 }
 
 /// Scores of the held-out rows by `predict`: as they are, or mapped to MOS by those of the training rows that come with

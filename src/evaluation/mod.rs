@@ -41,7 +41,7 @@ pub enum EvaluationError {
     #[error(transparent)]
     Split(#[from] SplitError),
     #[error("{metric}, fold {fold} of {training_rows} training rows: {source}")]
-    Training { metric: String, fold: usize, training_rows: usize, source: TrainError },
+    Training { metric: String, fold: usize, training_rows: usize, source: Box<TrainError> },
     #[error("row {row} ({material}, {method}) is held out by {times} folds, allowed: exactly 1")]
     Coverage { row: usize, material: String, method: String, times: usize },
     #[error("{metric}: the prediction for row {row} is {value}, allowed: finite numbers")]

@@ -117,7 +117,7 @@ impl UnseenTraining<'_> {
         }
         let failed = |source: TrainError| {
             let training_rows = fold.training.rows().len();
-            EvaluationError::Training { metric: name.clone(), fold: index, training_rows, source }
+            EvaluationError::Training { metric: name.clone(), fold: index, training_rows, source: Box::new(source) }
         };
         let model = self.trainer.train(&fold.training, seed).map_err(failed)?;
         let not_portable = || failed(TrainError::NotPortable { trainer: self.trainer.name().to_owned() });

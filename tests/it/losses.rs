@@ -142,8 +142,11 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
         assert_eq!(judges, ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl", "energy", "lamps.log", "lamps.screen", "mos", "ot"]);
         assert!(record.judged.values().all(|v| v.is_finite() && *v >= 0.0));
         let metrics = unseen.of(&record.material).expect("a material");
-        let expected =
-            if record.loss.is_learned() { metrics.loss.exported().name.as_str() } else { record.loss.name() };
+        let expected = match record.loss {
+            Loss::Transport => settings.transport.as_str(),
+            loss if loss.is_learned() => metrics.loss.exported().name.as_str(),
+            loss => loss.name(),
+        };
         assert_eq!(record.fit.metric.name, expected);
         // What the fit minimised and what the judge of that name says are the same number.
         if record.loss == Loss::Transport {

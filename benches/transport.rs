@@ -1,19 +1,22 @@
-//! The Sinkhorn divergence of three channels, as `ot` takes it, of the pairs of the golden file (a second's throughput, so
+//! The Sinkhorn divergence of three channels, as `ot` takes it, of the golden pairs (a second's throughput, so
 //! that its inverse is the mean of a pair): three sizes, default and fast, prepared and not, beside sums
 //! over all pairs with the standard library on a small size; the energy distance; two workers beside one.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench transport` for one thread.
 
+#[path = "../tests/it/transport_golden.rs"]
+#[allow(dead_code)]
+mod transport_golden;
 #[path = "../tests/it/transport_pairs.rs"]
 #[allow(dead_code)]
 mod transport_pairs;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
-use serde_json::Value;
 use std::borrow::Cow;
 use std::hint::black_box;
 use std::time::Duration;
+use transport_golden::GOLDEN;
 use transport_pairs::{Model, Point};
 use vernis::brdf::models::Ggx;
 use vernis::metric::graph::{CosineTable, GraphGrid};
@@ -26,20 +29,13 @@ const ALPHA: f64 = 0.1;
 const BLUR: f64 = 0.05;
 const SCALING: f64 = 0.8;
 
-/// The place of the pair of metals in the golden file.
+/// The place of the pair of metals among the golden ones.
 const METALS: usize = 3;
 
-/// The channels of the pairs of the golden file, reference and candidate.
-fn golden() -> Vec<[[Model; 2]; 3]> {
-    let golden: Value = serde_json::from_str(include_str!("../tests/it/transport_golden.json")).expect("JSON");
-    let channels = |pair: &Value| [0, 1, 2].map(|c| ["A", "B"].map(|side| Model::from_json(&pair[side], c)));
-    golden["pairs"].as_array().expect("pairs").iter().map(channels).collect()
-}
-
-/// phi(f cos theta_i) of those pairs.
+/// phi(f cos theta_i) of the channels of the golden pairs, reference and candidate.
 fn graphs(grid: GraphGrid) -> Vec<[[Vec<f64>; 2]; 3]> {
     let graph = |model: Model| model.graph(grid, |t| t.sqrt().sqrt());
-    golden().into_iter().map(|pair| pair.map(|channel| channel.map(graph))).collect()
+    GOLDEN.iter().map(|pair| [0, 1, 2].map(|c| pair.models.map(|models| graph(models[c])))).collect()
 }
 
 fn transport(criterion: &mut Criterion) {

@@ -20,4 +20,5 @@ mod study;
 #[cfg(feature = "train")]
 mod train;
 mod transport;
+mod transport_golden;
 mod transport_pairs;

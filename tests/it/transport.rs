@@ -1,17 +1,12 @@
 //! The Sinkhorn divergence against GeomLoss, against sums over all pairs, and against theory.
 
+use crate::transport_golden::GOLDEN;
 use crate::transport_pairs::{self as pairs, Model};
-use serde_json::Value;
 use vernis::metric::graph::GraphGrid;
 use vernis::metric::transport::{
     Accuracy, GroundCost, Method, PreparedChannel, SinkhornParameters, TransportError, divergence,
     divergence_and_gradient,
 };
-
-/// The golden file: GeomLoss 0.3.1, `SamplesLoss("sinkhorn", p=2, blur=.05, scaling=.8, backend="tensorized")`, f64.
-fn golden() -> Value {
-    serde_json::from_str(include_str!("transport_golden.json")).unwrap()
-}
 
 fn study() -> SinkhornParameters {
     SinkhornParameters::new(GroundCost::SquaredDistance, 0.1, 0.05, 0.8).unwrap()
@@ -29,12 +24,16 @@ fn between(parameters: &SinkhornParameters, grid: GraphGrid, a: &[f64], b: &[f64
 /// The largest relative error over the golden channels of one grid.
 fn worst_golden(parameters: &SinkhornParameters, grid: GraphGrid, channels: usize) -> f64 {
     let mut worst: f64 = 0.0;
-    for pair in golden()["pairs"].as_array().unwrap() {
-        for channel in 0..channels {
-            let expected = pair[format!("grid_{grid}")]["sinkhorn"][channel].as_f64().unwrap();
-            let [a, b] = ["A", "B"].map(|side| Model::from_json(&pair[side], channel).graph(grid, fourth_root));
+    for pair in GOLDEN {
+        let divergences = match grid.to_string().as_str() {
+            "6x6x24" => pair.on_6x6x24,
+            "9x9x36" => pair.on_9x9x36,
+            other => panic!("no golden values on {other}"),
+        };
+        for (channel, expected) in divergences.into_iter().enumerate().take(channels) {
+            let [a, b] = pair.models.map(|models| models[channel].graph(grid, fourth_root));
             let found = between(parameters, grid, &a, &b);
-            println!("{grid} {} {channel}: {found:e} {expected:e} {:.1e}", pair["name"], found / expected - 1.0);
+            println!("{grid} {} {channel}: {found:e} {expected:e} {:.1e}", pair.name, found / expected - 1.0);
             if expected == 0.0 {
                 assert_eq!(found, 0.0);
             } else {

@@ -1,12 +1,11 @@
-//! Graphs of analytic BRDFs as the golden file of GeomLoss defines them, and the Sinkhorn divergence as its
+//! Graphs of analytic BRDFs as the golden values of GeomLoss define them, and the Sinkhorn divergence as its
 //! `tensorized` backend computes it, written down with the standard library's functions: the independent side of tests
 //! and of the benchmark.
 
-use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, PI};
 use vernis::metric::graph::GraphGrid;
 
-/// The formulas of the golden file, one channel.
+/// The formulas of the golden pairs, one channel.
 #[derive(Debug, Clone, Copy)]
 pub enum Model {
     Ggx { a: f64, kd: f64, f0: f64 },
@@ -16,20 +15,6 @@ pub enum Model {
 }
 
 impl Model {
-    /// `channel` of a BRDF of the golden file.
-    pub fn from_json(brdf: &Value, channel: usize) -> Self {
-        let number = |name: &str| brdf[name].as_f64().unwrap();
-        let of_channel = |name: &str| brdf[name][channel].as_f64().unwrap();
-        let kd = of_channel("kd");
-        match brdf["model"].as_str().unwrap() {
-            "ggx" => Self::Ggx { a: number("a"), kd, f0: of_channel("f0") },
-            "ward" => Self::Ward { a: number("a"), kd, ks: of_channel("ks") },
-            "blinn" => Self::Blinn { n: number("n"), kd, ks: of_channel("ks") },
-            "lambert" => Self::Lambert { kd },
-            other => panic!("{other}"),
-        }
-    }
-
     pub fn value(self, theta_i: f64, theta_o: f64, phi_d: f64) -> f64 {
         let (ci, co) = (theta_i.cos(), theta_o.cos());
         let wi = [theta_i.sin(), 0.0, ci];

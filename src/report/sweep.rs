@@ -30,8 +30,9 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
     let all = record.in_sample.len();
     let shown = shown.min(all);
     let title = format!(
-        "{}, grid {}, the {shown} best of {all} in sample: chosen and mapped on the rows that are judged, as in the paper",
-        record.study, record.grid
+        "{}, grid {}, {} accuracy, the {shown} best of {all} in sample: chosen and mapped on the rows that are judged, as in the \
+         paper",
+        record.study, record.grid, record.accuracy
     );
     table(title, &record.in_sample[..shown])
 }

@@ -25,7 +25,7 @@ pub const TRANSPORT_FAMILY: &str = "transport";
 pub const ENERGY_FAMILY: &str = "energy";
 
 /// Part of the cache key: raise it when a distance changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// One column a metric, with the metric's own name.
 pub fn columns(metrics: &[Arc<dyn Metric>]) -> Vec<Column> {

@@ -1,12 +1,15 @@
 //! The metrics on graphs through the registry: contract, gradients, notation, bad input, and the sweep.
 
 use rand::Rng;
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 use vernis::brdf::models::{BlinnPhong, Ggx, Lambert};
 use vernis::brdf::{Anchor, Brdf, Grid, TabulatedBrdf};
 use vernis::dataset::{Study, synthetic};
+use vernis::evaluation::EvaluationError;
 use vernis::evaluation::sweep::{
-    Combination, CombinationRecord, Family, Outcome, StudyTables, SweepProtocol, compute, fingerprint, judge,
+    Combination, CombinationRecord, Family, Outcome, PairOutcome, Setting, StudyTables, SweepProtocol, compute, groups,
+    judge,
 };
 use vernis::math::{Rgb, Vec3, seed};
 use vernis::metric::registry::{Registry, distances};
@@ -176,7 +179,7 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
     let tables = StudyTables::of(&study, grid, None, usize::MAX, &|_, _| {}).unwrap();
     let without_memory = StudyTables::of(&study, grid, None, 0, &|_, _| {}).unwrap();
     let registry = Registry::standard().unwrap();
-    let fingerprint = fingerprint(&study);
+    let setting = Setting::new("3x3x8", "standard", &study);
     let all = Combination::of_study();
     let pick = |name: &str| *all.iter().find(|c| c.to_string() == name).unwrap();
     let combinations = [
@@ -187,26 +190,34 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
     ];
     let mut outcomes = Vec::new();
     for combination in combinations {
-        let outcome = compute(&combination, &registry, &tables, &|| {}).unwrap();
-        assert_eq!(outcome, compute(&combination, &registry, &without_memory, &|| {}).unwrap());
-        let record = CombinationRecord::new(&combination, "3x3x8", &fingerprint, outcome.clone());
+        let outcome_on = |tables: &StudyTables| {
+            let found = compute(&[combination], &setting, &registry, tables, &BTreeMap::new(), &forget);
+            found.unwrap().remove(0)
+        };
+        let outcome = outcome_on(&tables);
+        assert_eq!(outcome, outcome_on(&without_memory));
+        let record = CombinationRecord::new(&combination, &setting, outcome.clone());
         let bytes = serde_json::to_vec(&record).unwrap();
         let pairs = study.pairs.len();
-        let read = |bytes: &[u8], of: &Combination, study: &str, pairs| {
-            CombinationRecord::outcome_of(bytes, of, "3x3x8", study, pairs)
+        let read = |bytes: &[u8], of: &Combination, setting: &Setting, pairs| {
+            CombinationRecord::outcome_of(bytes, of, setting, pairs)
         };
-        assert_eq!(read(&bytes, &combination, &fingerprint, pairs), Some(outcome.clone()));
-        // Half a file, another study, another combination, another number of pairs: computed again.
-        assert_eq!(read(&bytes[..bytes.len() / 2], &combination, &fingerprint, pairs), None);
-        assert_eq!(read(&bytes, &combination, "another", pairs), None);
-        assert_eq!(read(&bytes, &all[77], &fingerprint, pairs), None);
-        assert_eq!(read(&bytes, &combination, &fingerprint, pairs + 1), None);
+        assert_eq!(read(&bytes, &combination, &setting, pairs), Some(outcome.clone()));
+        // Half a file, another study, grid, accuracy, combination, another number of pairs: computed again.
+        assert_eq!(read(&bytes[..bytes.len() / 2], &combination, &setting, pairs), None);
+        let whole = Study::load(synthetic::NAME, None).unwrap();
+        let fewer = Study { pairs: whole.pairs[1..].to_vec(), ..whole };
+        for other in [("3x3x8", "standard", &fewer), ("3x3x9", "standard", &study), ("3x3x8", "fast", &study)] {
+            assert_eq!(read(&bytes, &combination, &Setting::new(other.0, other.1, other.2), pairs), None);
+        }
+        assert_eq!(read(&bytes, &all[77], &setting, pairs), None);
+        assert_eq!(read(&bytes, &combination, &setting, pairs + 1), None);
         outcomes.push((combination, outcome));
     }
     outcomes.push((all[0], Outcome::Refused { reason: "a test".into() }));
     let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
     let protocol = SweepProtocol { folds: 4, resamples: 60, seed: 1 };
-    let record = judge("synthetic", "3x3x8", &rows, &outcomes, protocol).unwrap();
+    let record = judge("synthetic", &setting, &rows, &outcomes, protocol).unwrap();
     assert_eq!((record.in_sample.len(), record.nested.len(), record.refused.len()), (12, 3, 1));
     assert!(record.in_sample.is_sorted_by(|a, b| a.plcc.value >= b.plcc.value));
     // A power changes no rank; choosing out of sample cannot beat the best in sample by much.
@@ -215,6 +226,51 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
     assert_eq!(srocc(&name(0.25)), srocc(&name(0.5)));
     assert!(record.nested.iter().all(|row| row.plcc.value <= record.in_sample[0].plcc.value + 0.01));
     assert_eq!(all.iter().filter(|c| c.family() == Family::Energy).count(), 32);
+}
+
+/// Keeps no journal.
+fn forget(_: usize, _: &PairOutcome) -> Result<(), EvaluationError> {
+    Ok(())
+}
+
+#[test]
+fn combinations_of_a_group_give_what_each_gives_alone() {
+    let study = Study { pairs: synthetic_pairs(), ..Study::load(synthetic::NAME, None).unwrap() };
+    // Fine enough for the quantised method at coarse accuracy.
+    let setting = Setting::new("9x9x36", "coarse", &study);
+    let tables = StudyTables::of(&study, "9x9x36".parse().unwrap(), None, usize::MAX, &|_, _| {}).unwrap();
+    let registry = Registry::standard().unwrap();
+    let chosen = |c: &&Combination| {
+        c.to_string().starts_with("ot[p=2,alpha=0.05,blur=0.1,") && c.to_string().ends_with("phi=t]")
+    };
+    let group: Vec<Combination> = Combination::of_study().iter().filter(chosen).copied().collect();
+    assert_eq!((groups(&group), group.len()), (vec![group.clone()], 4));
+    let seen = Mutex::new(BTreeMap::new());
+    let keep = |index: usize, found: &PairOutcome| -> Result<(), EvaluationError> {
+        seen.lock().unwrap().insert(index, found.clone());
+        Ok(())
+    };
+    let together = compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &keep).unwrap();
+    for (combination, expected) in group.iter().zip(&together) {
+        let alone = compute(&[*combination], &setting, &registry, &tables, &BTreeMap::new(), &forget).unwrap();
+        assert_eq!(alone[0], *expected);
+    }
+    // Half of the pairs known: the same, and only the others are computed.
+    let mut known = seen.into_inner().unwrap();
+    assert_eq!(known.len(), study.pairs.len());
+    known.retain(|index, _| index % 2 == 0);
+    let again = Mutex::new(0);
+    let count = |index: usize, _: &PairOutcome| -> Result<(), EvaluationError> {
+        assert_eq!(index % 2, 1);
+        *again.lock().unwrap() += 1;
+        Ok(())
+    };
+    assert_eq!(compute(&group, &setting, &registry, &tables, &known, &count).unwrap(), together);
+    assert_eq!(*again.lock().unwrap(), study.pairs.len() / 2);
+    // What the caller cannot keep ends the work.
+    let full =
+        |_: usize, _: &PairOutcome| Err(EvaluationError::TooFew { what: "bytes of a full disk", found: 0, least: 1 });
+    assert!(compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &full).is_err());
 }
 
 /// Every candidate of a dozen materials.

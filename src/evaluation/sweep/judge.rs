@@ -5,7 +5,7 @@ use super::super::agreement::{Agreement, Predictions, Ratings};
 use super::super::bootstrap::{Bootstrapped, Interval, Resamples};
 use super::super::cross_validation::{cross_validate, in_sample};
 use super::combination::{Combination, Family, GAMMAS};
-use super::run::Outcome;
+use super::run::{Outcome, Setting};
 use crate::dataset::samples::{Column, Role, Row, Samples};
 use crate::dataset::split::grouped_folds;
 use crate::train::lp_baseline::{BestOf, Criterion};
@@ -35,6 +35,8 @@ pub struct SweepRow {
 pub struct SweepRecord {
     pub study: String,
     pub grid: String,
+    /// Of the transport distances.
+    pub accuracy: String,
     pub rows: usize,
     pub folds: usize,
     pub resamples: usize,
@@ -61,7 +63,7 @@ pub struct SweepProtocol {
 /// No combination at all, too few groups for the folds, ratings that are all equal.
 pub fn judge(
     study: &str,
-    grid: &str,
+    setting: &Setting,
     rows: &[Row],
     outcomes: &[(Combination, Outcome)],
     protocol: SweepProtocol,
@@ -110,7 +112,8 @@ pub fn judge(
     });
     Ok(SweepRecord {
         study: study.to_owned(),
-        grid: grid.to_owned(),
+        grid: setting.grid.clone(),
+        accuracy: setting.accuracy.clone(),
         rows: rows.len(),
         folds,
         resamples,

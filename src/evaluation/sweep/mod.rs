@@ -1,7 +1,9 @@
 //! Every combination of the study's transport and kernel distances over a study of ratings.
 //!
-//! [`StudyTables`] holds the BRDFs, [`compute`] gives the divergences of one [`Combination`], which [`CombinationRecord`]
-//! keeps, and [`judge`] compares all with the ratings. Cost: pairs x .3 s x [`Combination::weight`] a combination and core.
+//! [`StudyTables`] holds the BRDFs, [`compute`] gives the divergences of a group of [`Combination`]s, which [`CombinationRecord`]
+//! keeps, and [`judge`] compares all with the ratings. The cost of a combination is that of its last blur: pairs x .05 s x
+//! [`Combination::weight`] on a core at alpha .1, blur .05 and coarse accuracy, a fifth of it at alpha .01, twenty times as much at
+//! alpha .05, blur .01.
 
 mod combination;
 mod judge;
@@ -10,5 +12,5 @@ mod tables;
 
 pub use combination::{ALPHAS, BLURS, Combination, Family, GAMMAS, POWERS, SCALINGS, Transport};
 pub use judge::{Judged, SweepProtocol, SweepRecord, SweepRow, judge};
-pub use run::{CombinationRecord, Outcome, compute, fingerprint};
+pub use run::{CombinationRecord, Outcome, PairOutcome, Setting, compute, fingerprint, groups};
 pub use tables::StudyTables;

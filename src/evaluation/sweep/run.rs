@@ -1,19 +1,21 @@
-//! One combination over all pairs of a study, and the record that makes a sweep resumable.
+//! Groups of combinations over all pairs of a study, and the records that make a sweep resumable.
 
 use super::super::EvaluationError;
-use super::combination::Combination;
+use super::combination::{Combination, Family, Transport};
 use super::tables::StudyTables;
 use crate::brdf::ContentHash;
 use crate::dataset::Study;
-use crate::metric::MetricError;
 use crate::metric::registry::Registry;
+use crate::metric::transport::TransportMetric;
+use crate::metric::{Metric, MetricError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Raised when a divergence changes: files of older versions are computed again.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// What a combination gave.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,43 +27,55 @@ pub enum Outcome {
     Refused { reason: String },
 }
 
+/// What the files of a sweep belong to: those of another grid, accuracy or study are not taken for this one's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Setting {
+    pub grid: String,
+    /// A name of [`Accuracy::NAMES`](crate::metric::transport::Accuracy::NAMES), for transport.
+    pub accuracy: String,
+    /// [`fingerprint`] of the study.
+    pub study: String,
+    version: u32,
+}
+
+impl Setting {
+    pub fn new(grid: &str, accuracy: &str, study: &Study) -> Self {
+        let [grid, accuracy] = [grid, accuracy].map(str::to_owned);
+        Self { grid, accuracy, study: fingerprint(study), version: VERSION }
+    }
+
+    /// The notation of `combination` that computes it in this setting.
+    fn notation(&self, combination: &Combination) -> String {
+        match combination.family() {
+            Family::Transport => {
+                format!("{},accuracy={}]", combination.to_string().trim_end_matches(']'), self.accuracy)
+            }
+            Family::Energy => combination.to_string(),
+        }
+    }
+}
+
 /// The file of one combination.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CombinationRecord {
     pub metric: String,
-    pub grid: String,
-    /// Of the study's pairs and files: a file of another study is not taken for this one's.
-    pub study: String,
-    pub version: u32,
+    pub setting: Setting,
     pub outcome: Outcome,
 }
 
 impl CombinationRecord {
-    /// `study` is [`fingerprint`].
-    pub fn new(combination: &Combination, grid: &str, study: &str, outcome: Outcome) -> Self {
-        Self {
-            metric: combination.to_string(),
-            grid: grid.to_owned(),
-            study: study.to_owned(),
-            version: VERSION,
-            outcome,
-        }
+    pub fn new(combination: &Combination, setting: &Setting, outcome: Outcome) -> Self {
+        Self { metric: combination.to_string(), setting: setting.clone(), outcome }
     }
 
-    /// The outcome in a file's bytes, if they are whole and of this combination, grid, study and version.
-    pub fn outcome_of(
-        bytes: &[u8],
-        combination: &Combination,
-        grid: &str,
-        study: &str,
-        pairs: usize,
-    ) -> Option<Outcome> {
+    /// The outcome in a file's bytes, if they are whole and of this combination and setting.
+    pub fn outcome_of(bytes: &[u8], combination: &Combination, setting: &Setting, pairs: usize) -> Option<Outcome> {
         let record: Self = serde_json::from_slice(bytes).ok()?;
         let whole = match &record.outcome {
             Outcome::Computed { channels } => channels.len() == pairs,
             Outcome::Refused { .. } => true,
         };
-        let same = record == Self::new(combination, grid, study, record.outcome.clone());
+        let same = record == Self::new(combination, setting, record.outcome.clone());
         (whole && same).then_some(record.outcome)
     }
 }
@@ -73,56 +87,140 @@ pub fn fingerprint(study: &Study) -> String {
     ContentHash::of(pairs.chain(files).collect::<String>().as_bytes()).to_string()
 }
 
-/// The divergences of a pair, or why the metric does not cover the combination.
-type Channels = Result<[f64; 3], String>;
+/// What one pair gave, for every combination of a group: the divergences (R, G, B), or why the metric does not cover it.
+pub type PairOutcome = Vec<Result<[f64; 3], String>>;
 
-/// The divergences of `combination` for every pair; `progress` is called once a pair, from any thread.
+/// Combinations in groups that share everything but the annealing, in their order.
+pub fn groups(combinations: &[Combination]) -> Vec<Vec<Combination>> {
+    let shared =
+        |c: &Combination| Combination { transport: c.transport.map(|t| Transport { scaling: 0.0, ..t }), ..*c };
+    let mut groups: Vec<Vec<Combination>> = Vec::new();
+    for combination in combinations {
+        match groups.iter_mut().find(|group| shared(&group[0]) == shared(combination)) {
+            Some(group) if combination.family() == Family::Transport => group.push(*combination),
+            _ => groups.push(vec![*combination]),
+        }
+    }
+    groups
+}
+
+/// The divergences of a group of combinations for every pair, those `known` excepted. Tables, curves and masses are made
+/// once for the group. `done` is told of every pair that was computed, from any thread.
 ///
 /// # Errors
-/// A BRDF that cannot be read or compared; that the method does not cover the combination is an [`Outcome`].
-pub fn compute(
-    combination: &Combination,
+/// A BRDF that cannot be read or compared, and what `done` returns; that the method does not cover a combination is an
+/// [`Outcome`].
+pub fn compute<E: From<EvaluationError> + Send>(
+    group: &[Combination],
+    setting: &Setting,
     registry: &Registry,
     tables: &StudyTables,
-    progress: &(dyn Fn() + Sync),
-) -> Result<Outcome, EvaluationError> {
-    let failed = |index: usize| {
-        let (reference, candidate) = tables.notations(index);
-        move |source: MetricError| EvaluationError::Metric { reference, candidate, source: Box::new(source) }
-    };
-    let metric = registry.get(&combination.to_string()).map_err(failed(0))?;
-    let graph = metric.as_graph().ok_or_else(|| EvaluationError::UnknownMetric {
-        name: combination.to_string(),
-        judged: "metrics on graphs".to_owned(),
-    })?;
-    // The combination's fault, not the pair's.
-    let sort = |index: usize, found: Result<[f64; 3], MetricError>| match found {
-        Ok(channels) => Ok(Ok(channels)),
-        Err(MetricError::NotComputed { reason, .. }) => Ok(Err(reason)),
-        Err(other) => Err(failed(index)(other)),
-    };
-    // The first pair tells whether the method covers the combination at all.
-    if let Err(reason) = sort(0, graph.channels(&tables.reference(0)?, &tables.candidate(0)?))? {
-        return Ok(Outcome::Refused { reason });
-    }
-    let of_reference = |indices: &Vec<usize>| -> Result<Vec<(usize, Channels)>, EvaluationError> {
-        let prepared = match graph.prepare_table(Cow::Owned(tables.reference(indices[0])?)) {
-            Ok(prepared) => prepared,
-            Err(MetricError::NotComputed { reason, .. }) => return Ok(vec![(indices[0], Err(reason))]),
-            Err(other) => return Err(failed(indices[0])(other)),
-        };
-        let of_pair = |&index: &usize| {
-            let found = sort(index, prepared.channels(&tables.candidate(index)?))?;
-            progress();
+    known: &BTreeMap<usize, PairOutcome>,
+    done: &(dyn Fn(usize, &PairOutcome) -> Result<(), E> + Sync),
+) -> Result<Vec<Outcome>, E> {
+    let members = Members::new(group, setting, registry)?;
+    let of_reference = |indices: &Vec<usize>| -> Result<Vec<(usize, PairOutcome)>, E> {
+        let mut missing = indices.iter().filter(|index| !known.contains_key(index)).peekable();
+        let Some(&&first) = missing.peek() else { return Ok(Vec::new()) };
+        let of_pair = members.prepare(tables, first)?;
+        let computed = |&index: &usize| {
+            let found = of_pair(index)?;
+            done(index, &found)?;
             Ok((index, found))
         };
-        indices.iter().map(of_pair).collect()
+        missing.map(computed).collect()
     };
-    let groups = tables.by_reference();
-    let found = groups.par_iter().map(of_reference).collect::<Result<Vec<_>, EvaluationError>>()?;
-    let found: BTreeMap<usize, Channels> = found.into_iter().flatten().collect();
-    Ok(match found.into_values().collect::<Result<Vec<_>, String>>() {
-        Ok(channels) => Outcome::Computed { channels },
-        Err(reason) => Outcome::Refused { reason },
-    })
+    let by_reference = tables.by_reference();
+    let mut found: BTreeMap<usize, PairOutcome> = known.clone();
+    // The first reference tells whether the method covers any of the combinations at all.
+    let (first, others) = by_reference.split_at(by_reference.len().min(1));
+    found.extend(first.iter().map(of_reference).collect::<Result<Vec<_>, E>>()?.into_iter().flatten());
+    if found.values().all(|pair| pair.iter().any(Result::is_ok)) {
+        found.extend(others.par_iter().map(of_reference).collect::<Result<Vec<_>, E>>()?.into_iter().flatten());
+    }
+    let outcome =
+        |member: usize| match found.values().map(|pair| pair[member].clone()).collect::<Result<Vec<_>, String>>() {
+            Ok(channels) => Outcome::Computed { channels },
+            Err(reason) => Outcome::Refused { reason },
+        };
+    Ok((0..group.len()).map(outcome).collect())
+}
+
+/// The metrics of a group.
+enum Members {
+    /// They differ in scaling alone.
+    Transport(Vec<TransportMetric>),
+    /// One, of another family.
+    Other(Arc<dyn Metric>),
+}
+
+/// Computes one pair of those that share a reference.
+type OfPair<'a> = Box<dyn Fn(usize) -> Result<PairOutcome, EvaluationError> + 'a>;
+
+impl Members {
+    fn new(group: &[Combination], setting: &Setting, registry: &Registry) -> Result<Self, EvaluationError> {
+        let named = |name: &str| {
+            let name = name.to_owned();
+            move |source| EvaluationError::MetricNamed { name, source: Box::new(source) }
+        };
+        if group.iter().all(|combination| combination.family() == Family::Transport) {
+            let metric = |name: String| TransportMetric::named(&name).map_err(named(&name));
+            let metrics = group.iter().map(|combination| metric(setting.notation(combination)));
+            return Ok(Self::Transport(metrics.collect::<Result<_, _>>()?));
+        }
+        let name = setting.notation(&group[0]);
+        Ok(Self::Other(registry.get(&name).map_err(named(&name))?))
+    }
+
+    /// Does once what depends on the reference of the pair `first` alone.
+    fn prepare<'a>(&'a self, tables: &'a StudyTables, first: usize) -> Result<OfPair<'a>, EvaluationError> {
+        let reference = tables.reference(first)?;
+        match self {
+            Self::Transport(metrics) => {
+                let all = |reason: String| vec![Err(reason); metrics.len()];
+                let prepared = refusal(tables, first, metrics[0].prepare_channels(&reference, "reference"))?;
+                Ok(Box::new(move |index| {
+                    let reference = match &prepared {
+                        Ok(reference) => reference,
+                        Err(reason) => return Ok(all(reason.clone())),
+                    };
+                    let table = tables.candidate(index)?;
+                    match refusal(tables, index, metrics[0].prepare_channels(&table, "candidate"))? {
+                        Ok(candidate) => {
+                            let of = |metric: &TransportMetric| metric.between(reference, &candidate);
+                            metrics.iter().map(|metric| refusal(tables, index, of(metric))).collect()
+                        }
+                        Err(reason) => Ok(all(reason)),
+                    }
+                }))
+            }
+            Self::Other(metric) => {
+                let graph = metric.as_graph().ok_or_else(|| EvaluationError::UnknownMetric {
+                    name: metric.name().to_owned(),
+                    judged: "metrics on graphs".to_owned(),
+                })?;
+                let prepared = refusal(tables, first, graph.prepare_table(Cow::Owned(reference)))?;
+                Ok(Box::new(move |index| match &prepared {
+                    Ok(prepared) => Ok(vec![refusal(tables, index, prepared.channels(&tables.candidate(index)?))?]),
+                    Err(reason) => Ok(vec![Err(reason.clone())]),
+                }))
+            }
+        }
+    }
+}
+
+/// Tells the combination's fault, the inner error, from the pair's.
+fn refusal<T>(
+    tables: &StudyTables,
+    index: usize,
+    found: Result<T, MetricError>,
+) -> Result<Result<T, String>, EvaluationError> {
+    match found {
+        Ok(found) => Ok(Ok(found)),
+        Err(MetricError::NotComputed { reason, .. }) => Ok(Err(reason)),
+        Err(source) => {
+            let (reference, candidate) = tables.notations(index);
+            Err(EvaluationError::Metric { reference, candidate, source: Box::new(source) })
+        }
+    }
 }

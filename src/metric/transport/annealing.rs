@@ -35,9 +35,14 @@ impl Annealing {
         Ok(Self { epsilons: std::iter::once(ends.0).chain(falling).chain([ends.1]).collect() })
     }
 
+    /// The last and smallest epsilon but for tiny diameters, b^p.
+    pub fn last(&self) -> f64 {
+        self.epsilons.last().copied().unwrap_or(1.0)
+    }
+
     /// (epsilon, keep) of every update of the potentials, f <- keep f + (1 - keep) softmin_epsilon: one that starts from
     /// nothing, the averaged ones, and the last, which replaces.
-    pub fn updates(&self) -> impl Iterator<Item = (f64, f64)> {
+    pub fn updates(&self) -> impl DoubleEndedIterator<Item = (f64, f64)> {
         let ends = (self.epsilons.first().map(|&e| (e, 0.0)), self.epsilons.last().map(|&e| (e, 0.0)));
         ends.0.into_iter().chain(self.epsilons.iter().map(|&e| (e, 0.5))).chain(ends.1)
     }

@@ -13,37 +13,41 @@
 //! depends on the largest and smallest values alone, and jumps where it gains a step. Where two limits of the anti-diffusion
 //! tie, one of the two one-sided derivatives is taken.
 //!
-//! Cost: 2.5 divergences. Memory: the potentials of every update, base nodes x value nodes x 24 bytes an update
-//! (about 10 MB for a metal at the default setting).
+//! Coarser levels (`levels.rs`) are linear in the finer ones' masses but for the limits of their anti-diffusion, and so are
+//! finer levels' potentials in the coarser ones'.
+//!
+//! Cost: 2.5 divergences. Memory: the potentials before and after every update, base nodes x value nodes x 48 bytes an
+//! update on level 0 (about 5 MB for a metal at the default setting).
 
 use super::annealing::Annealing;
 use super::elementary::{LANES, Lanes};
 use super::gaussian::{Gaussian, Sink, Spread};
+use super::levels::Levels;
 use super::measure::Measure;
-use super::quantised::{Field, alone, crossed, mean_difference};
+use super::quantised::{Field, Update, alone, crossed, mean_difference, updates};
 use super::splat::pull_back;
 
 /// The divergence of `a` and `b`, and its derivative with respect to the values `cells` that `b` was made of.
 pub(super) fn divergence_and_gradient(
     alpha: f64,
     annealing: &Annealing,
-    a: &Measure,
-    b: &Measure,
+    a: &Levels,
+    b: &Levels,
     cells: &[f64],
     valid: impl Fn(usize) -> bool,
 ) -> (f64, Vec<f64>) {
     let (value, of_mass) = value_and_masses(alpha, annealing, a, b);
-    (value, pull_back(b, cells, valid, &of_mass))
+    (value, pull_back(b.finest(), cells, valid, &of_mass))
 }
 
 /// The divergence, and its derivative with respect to the masses of `b`.
-fn value_and_masses(alpha: f64, annealing: &Annealing, a: &Measure, b: &Measure) -> (f64, Field) {
+fn value_and_masses(alpha: f64, annealing: &Annealing, a: &Levels, b: &Levels) -> (f64, Field) {
+    let levels = a.len().min(b.len());
     let of_candidate = || {
         let mut history = Vec::new();
-        let last = alone(alpha, annealing, b, |g| history.push(g.clone()));
-        history.push(last);
-        let of_mass = of_alone(alpha, annealing, b, &history);
-        (history.pop().unwrap_or_default(), of_mass)
+        let last = alone(alpha, annealing, b, levels, |g| history.push(g.clone()));
+        let of_mass = of_alone(alpha, annealing, b, levels, &history);
+        (last, of_mass)
     };
     let of_both = || {
         let (mut of_a, mut of_b) = (Vec::new(), Vec::new());
@@ -51,15 +55,22 @@ fn value_and_masses(alpha: f64, annealing: &Annealing, a: &Measure, b: &Measure)
             of_a.push(f.clone());
             of_b.push(g.clone());
         });
-        of_a.push(f);
-        of_b.push(g);
-        let of_mass = of_crossed(alpha, annealing, a, b, [&of_a, &of_b]);
-        (of_a.pop().unwrap_or_default(), of_b.pop().unwrap_or_default(), of_mass)
+        let of_mass = of_crossed(alpha, annealing, [a, b], [&of_a, &of_b]);
+        (f, g, of_mass)
     };
-    let of_reference = || alone(alpha, annealing, a, |_| ());
+    let of_reference = || alone(alpha, annealing, a, levels, |_| ());
     let ((f_aa, (g_bb, of_bb)), (f_ba, g_ab, of_ab)) = rayon::join(|| rayon::join(of_reference, of_candidate), of_both);
-    let value = mean_difference(a, &f_ba, &f_aa) + mean_difference(b, &g_ab, &g_bb);
-    (value, combine(&of_ab, 1.0, &of_bb, -1.0))
+    let value = mean_difference(a.finest(), &f_ba, &f_aa) + mean_difference(b.finest(), &g_ab, &g_bb);
+    let of_masses = |f: &Field, of_chain: Vec<Field>, sign: f64| {
+        let mut of_mass = b.coarsen_back(of_chain);
+        of_mass
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(f.as_flattened())
+            .for_each(|(of_mass, f)| *of_mass = sign * (*of_mass + f));
+        of_mass
+    };
+    (value, combine(&of_masses(&g_ab, of_ab, 1.0), 1.0, &of_masses(&g_bb, of_bb, -1.0), 1.0))
 }
 
 /// x a + y b.
@@ -78,7 +89,7 @@ struct Backwards<'a> {
     target: &'a Measure,
     source: &'a Measure,
     /// f before and after, and g before.
-    f: [&'a Field; 2],
+    f: &'a [Field; 2],
     g: &'a Field,
 }
 
@@ -105,32 +116,46 @@ impl Backwards<'_> {
     }
 }
 
-/// The derivative of <b, g_bb> with respect to the masses of b; `history`: g_bb before every update and at the end.
-fn of_alone(alpha: f64, annealing: &Annealing, b: &Measure, history: &[Field]) -> Field {
-    let mut of_mass = history[history.len() - 1].clone();
-    let mut of_g = b.mass.clone();
-    for ((epsilon, keep), g) in annealing.updates().zip(history.windows(2)).collect::<Vec<_>>().into_iter().rev() {
-        let gaussian = Gaussian::new(&b.lattice, alpha, epsilon);
-        let update = Backwards { gaussian: &gaussian, keep, target: b, source: b, f: [&g[0], &g[1]], g: &g[0] };
-        let factor = update.factor(&of_g);
-        of_mass = combine(&of_mass, 1.0, &factor, -epsilon);
-        of_g = update.through(&of_g, &factor);
-    }
-    of_mass
+/// No derivative yet, with respect to the masses of each of `levels` levels.
+fn nothing(measures: &Levels, levels: usize) -> Vec<Field> {
+    (0..levels).map(|level| vec![[0.0; LANES]; measures.level(level).mass.len()]).collect()
 }
 
-/// The derivative of <a, f_ba> + <b, g_ab> with respect to the masses of b; histories as in [`of_alone`].
-fn of_crossed(alpha: f64, annealing: &Annealing, a: &Measure, b: &Measure, [f, g]: [&[Field]; 2]) -> Field {
-    let mut of_mass = g[g.len() - 1].clone();
-    let (mut of_f, mut of_g) = (a.mass.clone(), b.mass.clone());
-    let steps: Vec<_> = annealing.updates().zip(f.windows(2).zip(g.windows(2))).collect();
-    for ((epsilon, keep), (f, g)) in steps.into_iter().rev() {
+/// The derivative of <b, g_bb> with respect to the masses of every level of b by way of g_bb; `history`: g_bb before and after
+/// every update.
+fn of_alone(alpha: f64, annealing: &Annealing, b: &Levels, levels: usize, history: &[Field]) -> Vec<Field> {
+    let mut of_masses = nothing(b, levels);
+    let (mut of_g, mut at) = (b.finest().mass.clone(), 0);
+    let steps: Vec<_> = updates(annealing, levels).zip(history.as_chunks().0).collect();
+    for (Update { epsilon, keep, level }, g) in steps.into_iter().rev() {
+        of_g = b.refine_back(of_g, at, level);
+        at = level;
+        let measure = b.level(level);
+        let gaussian = Gaussian::new(&measure.lattice, alpha, epsilon);
+        let update = Backwards { gaussian: &gaussian, keep, target: measure, source: measure, f: g, g: &g[0] };
+        let factor = update.factor(&of_g);
+        of_masses[level] = combine(&of_masses[level], 1.0, &factor, -epsilon);
+        of_g = update.through(&of_g, &factor);
+    }
+    of_masses
+}
+
+/// The derivative of <a, f_ba> + <b, g_ab> as in [`of_alone`]; histories of f_ba and g_ab.
+fn of_crossed(alpha: f64, annealing: &Annealing, [a, b]: [&Levels; 2], [f, g]: [&[Field]; 2]) -> Vec<Field> {
+    let levels = a.len().min(b.len());
+    let mut of_masses = nothing(b, levels);
+    let (mut of_f, mut of_g, mut at) = (a.finest().mass.clone(), b.finest().mass.clone(), 0);
+    let steps: Vec<_> = updates(annealing, levels).zip(f.as_chunks().0.iter().zip(g.as_chunks().0)).collect();
+    for (Update { epsilon, keep, level }, (f, g)) in steps.into_iter().rev() {
+        (of_f, of_g) = (a.refine_back(of_f, at, level), b.refine_back(of_g, at, level));
+        at = level;
+        let (a, b) = (a.level(level), b.level(level));
         let gaussian = Gaussian::new(&b.lattice, alpha, epsilon);
-        let of_a = Backwards { gaussian: &gaussian, keep, target: a, source: b, f: [&f[0], &f[1]], g: &g[0] };
-        let of_b = Backwards { gaussian: &gaussian, keep, target: b, source: a, f: [&g[0], &g[1]], g: &f[0] };
+        let of_a = Backwards { gaussian: &gaussian, keep, target: a, source: b, f, g: &g[0] };
+        let of_b = Backwards { gaussian: &gaussian, keep, target: b, source: a, f: g, g: &f[0] };
         let (to_b, to_a) = (of_a.factor(&of_f), of_b.factor(&of_g));
-        of_mass = combine(&of_mass, 1.0, &to_b, -epsilon);
+        of_masses[level] = combine(&of_masses[level], 1.0, &to_b, -epsilon);
         (of_f, of_g) = (of_b.through(&of_f, &to_a), of_a.through(&of_g, &to_b));
     }
-    of_mass
+    of_masses
 }

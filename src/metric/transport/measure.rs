@@ -18,10 +18,12 @@
 use super::TransportError;
 use super::elementary::{LANES, Lanes};
 use super::lattice::Lattice;
-use super::splat::Splat;
+use super::splat::{Splat, index};
 
 /// Value nodes beyond these multiples of h have no exact neighbours.
 const LARGEST_MULTIPLE: f64 = (1u64 << 50) as f64;
+/// Ranges of so many value nodes are marked one by one, longer ones sorted.
+pub(super) const MOST_MARKED: f64 = (1u32 << 20) as f64;
 /// Nodes (base nodes times value nodes) of one measure: 32 MB of masses and of each potential.
 const MOST_NODES: usize = 1 << 22;
 /// The share of a node's mass that one neighbour may take; with two neighbours, some is left.
@@ -46,9 +48,23 @@ impl Measure {
             return Err(TransportError::TooManyNodes { found, allowed: MOST_NODES });
         }
         let splat = Splat::new(&lattice, &values, cells, valid);
+        Ok(Self::sharpened(lattice, values, splat))
+    }
+
+    /// The measure of masses that were spread linearly.
+    pub fn sharpened(lattice: Lattice, values: Vec<Lanes>, splat: Splat) -> Self {
         let mut measure = Self { lattice, values, mass: splat.mass };
         measure.sharpen(&splat.excess);
-        Ok(measure)
+        measure
+    }
+
+    /// Value nodes, multiples of h in any order and number, as [`Measure::values`] has them.
+    pub fn axis(mut nodes: Vec<f64>) -> Vec<Lanes> {
+        nodes.sort_unstable_by(f64::total_cmp);
+        nodes.dedup();
+        let last = nodes.last().copied().unwrap_or(0.0);
+        nodes.resize(nodes.len().next_multiple_of(LANES), last);
+        nodes.as_chunks().0.to_vec()
     }
 
     /// Whether each value node but the last has a neighbour above.
@@ -76,32 +92,33 @@ impl Measure {
     }
 }
 
-/// The value nodes that a valid cell touches, in increasing order, with the node above each.
+/// The value nodes that a valid cell touches: the one below it, and the next.
 fn touched(lattice: &Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Vec<Lanes>, TransportError> {
-    let mut below: Vec<f64> = Vec::new();
-    for (index, &value) in cells.iter().enumerate().filter(|&(index, _)| valid(index)) {
-        let (node, _) = lattice.below(value);
-        if node.abs() > LARGEST_MULTIPLE {
-            let allowed = LARGEST_MULTIPLE * lattice.spacing;
-            return Err(TransportError::ValueTooLarge { cell: index, found: value, allowed });
-        }
+    let of_valid = || cells.iter().enumerate().filter(|&(index, _)| valid(index)).map(|(_, &value)| value);
+    let (least, most) =
+        of_valid().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+    let (first, last) = (lattice.below(least).0, lattice.below(most).0);
+    if let Some(found) = [least, most].into_iter().find(|&value| lattice.below(value).0.abs() > LARGEST_MULTIPLE) {
+        let cell = (0..cells.len()).find(|&index| valid(index) && cells[index] == found).unwrap_or(0);
+        return Err(TransportError::ValueTooLarge { cell, found, allowed: LARGEST_MULTIPLE * lattice.spacing });
+    }
+    let mut nodes = Vec::new();
+    if last - first < MOST_MARKED {
+        let mut marked = vec![false; index(last - first) + 1];
+        of_valid().for_each(|value| marked[index(lattice.below(value).0 - first)] = true);
+        nodes.extend(marked.into_iter().enumerate().filter(|&(_, marked)| marked).map(|(step, _)| first + step as f64));
+    } else {
         // Neighbours in phi_d mostly share their node.
-        if below.last() != Some(&node) {
-            below.push(node);
+        for (node, _) in of_valid().map(|value| lattice.below(value)) {
+            if nodes.last() != Some(&node) {
+                nodes.push(node);
+            }
         }
     }
-    below.sort_unstable_by(f64::total_cmp);
-    below.dedup();
-    let mut nodes: Vec<f64> = Vec::with_capacity(2 * below.len());
-    for &node in &below {
-        if nodes.last() != Some(&node) {
-            nodes.push(node);
-        }
-        nodes.push(node + 1.0);
-    }
-    let last = nodes.last().copied().unwrap_or(0.0);
-    nodes.resize(nodes.len().next_multiple_of(LANES), last);
-    Ok(nodes.as_chunks().0.to_vec())
+    nodes.extend_from_within(..);
+    let half = nodes.len() / 2;
+    nodes[half..].iter_mut().for_each(|node| *node += 1.0);
+    Ok(Measure::axis(nodes))
 }
 
 #[cfg(test)]
@@ -113,7 +130,7 @@ mod tests {
         // Azimuths of one polar cell end at 720.
         let polar = if cells.len() > 2000 { 10 } else { 2 };
         let grid = GraphGrid::new(2, polar, cells.len() / (2 * polar)).unwrap();
-        Measure::new(Lattice { grid, nodes: [2, 2, 2], spacing: 0.1 }, cells, |_| true).unwrap()
+        Measure::new(Lattice::new(grid, [2, 2, 2], 0.1), cells, |_| true).unwrap()
     }
 
     /// Sum of m (w - centre)^power over all nodes.
@@ -153,7 +170,7 @@ mod tests {
         assert_eq!(measure(&cells).values.len(), 1);
         cells[3] = 1e300;
         let grid = GraphGrid::new(2, 2, 4).unwrap();
-        let lattice = Lattice { grid, nodes: [2; 3], spacing: 0.1 };
+        let lattice = Lattice::new(grid, [2; 3], 0.1);
         let refused = Measure::new(lattice, &cells, |_| true).unwrap_err();
         assert!(matches!(refused, TransportError::ValueTooLarge { cell: 3, .. }), "{refused}");
     }

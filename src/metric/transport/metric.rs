@@ -38,8 +38,8 @@ impl TransportMetric {
     }
 
     /// The member of the family that `name` describes, such as `ot[p=2,alpha=.1,blur=.05,scaling=.8,gamma=.25,phi=t^1/4]`;
-    /// what is not given is as in [`TransportMetric::preset`]. Accuracy is `fast`, `standard` or `high`, or `kappa` (value
-    /// nodes to a blur) and `nodes` (base nodes an axis) ([`Accuracy`]).
+    /// what is not given is as in [`TransportMetric::preset`]. Accuracy is `coarse`, `fast`, `standard` or
+    /// `high`, or `kappa` (value nodes to a blur) and `nodes` (base nodes an axis) ([`Accuracy`]).
     ///
     /// # Errors
     /// [`MetricError::Unknown`] for another family, [`MetricError::Parameter`] for an unknown option or a value out of range.
@@ -82,13 +82,36 @@ impl TransportMetric {
         self.tone
     }
 
-    fn prepared(&self, table: &CosineTable, side: &'static str) -> Result<Channels, MetricError> {
+    /// The channels of a table (`side`: for errors), ready for this metric and those that differ from it in scaling and gamma
+    /// alone.
+    ///
+    /// # Errors
+    /// A table without a valid cell or with values that are too large; parameters that the grid is too fine for.
+    pub fn prepare_channels(
+        &self,
+        table: &CosineTable,
+        side: &'static str,
+    ) -> Result<[PreparedChannel; 3], MetricError> {
         let channel = |c: usize| {
             let values: Vec<f64> = table.channel(c).iter().map(|t| self.tone.value(*t)).collect();
             PreparedChannel::new(&self.parameters, table.grid(), &values, Some(table.valid()))
                 .map_err(|cause| self.failed(Some(side), &cause))
         };
         in_parallel(channel)
+    }
+
+    /// The divergence of each channel (R, G, B).
+    ///
+    /// # Errors
+    /// No cell in common; channels prepared for a metric that differs in more than scaling and gamma.
+    pub fn between(
+        &self,
+        reference: &[PreparedChannel; 3],
+        candidate: &[PreparedChannel; 3],
+    ) -> Result<[f64; 3], MetricError> {
+        in_parallel(|c| {
+            divergence(&self.parameters, &reference[c], &candidate[c]).map_err(|cause| self.failed(None, &cause))
+        })
     }
 
     fn failed(&self, side: Option<&'static str>, cause: &TransportError) -> MetricError {
@@ -101,9 +124,6 @@ impl TransportMetric {
         }
     }
 }
-
-/// The channels R, G, B of one side.
-type Channels = [PreparedChannel; 3];
 
 fn in_parallel<T: Send>(channel: impl Fn(usize) -> Result<T, MetricError> + Sync) -> Result<[T; 3], MetricError> {
     let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
@@ -122,18 +142,12 @@ fn wrong(name: &str, cause: &TransportError) -> MetricError {
 }
 
 fn accuracy(name: &str, options: &mut Options<'_>, alpha: f64, blur: f64) -> Result<Accuracy, MetricError> {
-    let mut accuracy = match options.take("accuracy") {
-        None | Some("standard") => Accuracy::standard(alpha, blur),
-        Some("fast") => Accuracy::fast(alpha, blur),
-        Some("high") => Accuracy::high(alpha, blur),
-        Some(other) => {
-            return Err(MetricError::Parameter {
-                what: format!("{name}: accuracy"),
-                found: other.to_owned(),
-                allowed: "fast, standard, high".to_owned(),
-            });
-        }
-    };
+    let level = options.take("accuracy").unwrap_or("standard");
+    let mut accuracy = Accuracy::named(level, alpha, blur).ok_or_else(|| MetricError::Parameter {
+        what: format!("{name}: accuracy"),
+        found: level.to_owned(),
+        allowed: Accuracy::NAMES.join(", "),
+    })?;
     let integer = |range: std::ops::RangeInclusive<f64>| move |x: f64| x.fract() == 0.0 && range.contains(&x);
     if let Some(kappa) = options.number("kappa", integer(1.0..=256.0), "an integer from 1 to 256")? {
         accuracy.values_per_blur = kappa as usize;
@@ -198,7 +212,7 @@ impl GraphMetric for TransportMetric {
         &'a self,
         reference: Cow<'a, CosineTable>,
     ) -> Result<Box<dyn PreparedTable + 'a>, MetricError> {
-        let channels = self.prepared(&reference, "reference")?;
+        let channels = self.prepare_channels(&reference, "reference")?;
         Ok(Box::new(PreparedTransport { metric: self, table: reference, channels }))
     }
 }
@@ -207,23 +221,19 @@ impl GraphMetric for TransportMetric {
 struct PreparedTransport<'a> {
     metric: &'a TransportMetric,
     table: Cow<'a, CosineTable>,
-    channels: Channels,
+    channels: [PreparedChannel; 3],
 }
 
 impl PreparedTransport<'_> {
-    fn candidate(&self, candidate: &CosineTable) -> Result<Channels, MetricError> {
+    fn candidate(&self, candidate: &CosineTable) -> Result<[PreparedChannel; 3], MetricError> {
         self.table.common_cells(candidate, &self.metric.name)?;
-        self.metric.prepared(candidate, "candidate")
+        self.metric.prepare_channels(candidate, "candidate")
     }
 }
 
 impl PreparedTable for PreparedTransport<'_> {
     fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        let channels = self.candidate(candidate)?;
-        in_parallel(|c| {
-            divergence(&self.metric.parameters, &self.channels[c], &channels[c])
-                .map_err(|cause| self.metric.failed(None, &cause))
-        })
+        self.metric.between(&self.channels, &self.candidate(candidate)?)
     }
 
     fn gradients(&self, candidate: &CosineTable) -> Result<ChannelGradients, MetricError> {

@@ -20,7 +20,8 @@
 //! multiscale variant, which clusters at random: its last digits belong to a seed.
 //!
 //! The cost p = 2 is separable, and alpha is about two blurs: a few base nodes and a fine value axis carry the masses
-//! (`measure.rs`), and sums over all pairs become small products (`gaussian.rs`). Where that does not hold (p = 1, alpha
+//! (`measure.rs`), fewer of them while epsilon is large (`levels.rs`), and sums over all pairs become small products
+//! (`gaussian.rs`). Where that does not hold (p = 1, alpha
 //! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed (`direct.rs`), on grids of at most 13,500
 //! cells; finer grids are refused. So are all pairs of small grids, whatever the parameters.
 //!
@@ -33,6 +34,7 @@ mod elementary;
 mod gaussian;
 mod gradient;
 mod lattice;
+mod levels;
 mod measure;
 mod metric;
 mod parameters;
@@ -47,7 +49,7 @@ use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use direct::Points;
 use lattice::Lattice;
-use measure::Measure;
+use levels::Levels;
 use std::borrow::Cow;
 use thiserror::Error;
 
@@ -99,7 +101,7 @@ pub struct PreparedChannel {
 /// The channel as its method needs it.
 #[derive(Debug, Clone)]
 enum Form {
-    Quantised(Measure),
+    Quantised(Levels),
     Direct(Points),
 }
 
@@ -162,7 +164,7 @@ impl Form {
     ) -> Result<Self, TransportError> {
         Ok(match method {
             Method::Quantised { spacing, nodes } => {
-                Self::Quantised(Measure::new(Lattice { grid, nodes, spacing }, values, valid)?)
+                Self::Quantised(Levels::new(Lattice::new(grid, nodes, spacing), values, valid)?)
             }
             Method::Direct => Self::Direct(Points::new(grid, values, valid)),
         })

@@ -5,7 +5,8 @@
 
 use super::elementary::{LANES, Lanes};
 use super::lattice::Lattice;
-use super::measure::{LARGEST_SHARE, Measure};
+use super::measure::{LARGEST_SHARE, MOST_MARKED, Measure};
+use std::ops::Range;
 
 /// The masses before anti-diffusion.
 pub(super) struct Splat {
@@ -14,13 +15,13 @@ pub(super) struct Splat {
     pub excess: Vec<Lanes>,
 }
 
-/// One phi_d row, or one theta_o row of them: masses and excesses on the nodes of the axes already contracted.
+/// Masses and excesses on the nodes of the axes already contracted.
 struct Rows {
     columns: usize,
     mass: Vec<f64>,
     excess: Vec<f64>,
     /// The columns that were written to.
-    touched: std::ops::Range<usize>,
+    touched: Range<usize>,
 }
 
 impl Rows {
@@ -28,30 +29,79 @@ impl Rows {
         Self { columns, mass: vec![0.0; rows * columns], excess: vec![0.0; rows * columns], touched: columns..0 }
     }
 
-    fn touch(&mut self, columns: std::ops::Range<usize>) {
-        self.touched = self.touched.start.min(columns.start)..self.touched.end.max(columns.end);
-    }
-
-    /// Adds `weight` times `other` from row `first` on, which must have been touched.
-    fn add(&mut self, first: usize, weight: f64, other: &Rows) {
-        let columns = self.columns;
-        self.touch(other.touched.clone());
-        for (from, to) in [(&other.mass, &mut self.mass), (&other.excess, &mut self.excess)] {
-            for (from, to) in from.chunks_exact(columns).zip(to[first * columns..].chunks_exact_mut(columns)) {
-                let (from, to) = (&from[other.touched.clone()], &mut to[other.touched.clone()]);
-                from.iter().zip(to).for_each(|(from, to)| *to += weight * from);
+    /// Adds `other`, whose rows belong to one cell of this array's slowest axis, to the nodes beside that cell.
+    fn contract(&mut self, (node, upper): (usize, f64), other: &Rows) {
+        if other.touched.is_empty() {
+            return;
+        }
+        self.touched = self.touched.start.min(other.touched.start)..self.touched.end.max(other.touched.end);
+        for (first, weight) in [(node, 1.0 - upper), (node + 1, upper)] {
+            if weight > 0.0 {
+                let first = first * other.mass.len();
+                for (from, to) in [(&other.mass, &mut self.mass), (&other.excess, &mut self.excess)] {
+                    for (from, to) in from.chunks_exact(self.columns).zip(to[first..].chunks_exact_mut(self.columns)) {
+                        let (from, to) = (&from[other.touched.clone()], &mut to[other.touched.clone()]);
+                        from.iter().zip(to).for_each(|(from, to)| *to += weight * from);
+                    }
+                }
             }
         }
     }
 
     fn clear(&mut self) {
+        if !self.touched.is_empty() {
+            for array in [&mut self.mass, &mut self.excess] {
+                array.chunks_exact_mut(self.columns).for_each(|row| row[self.touched.clone()].fill(0.0));
+            }
+            self.touched = self.columns..0;
+        }
+    }
+}
+
+/// What cells give to the value node below them, to the next, and the excesses of both, by the node below.
+type Shares = [f64; 4];
+
+/// The cells of one pair of polar angles, on the nodes of phi_d.
+struct Azimuths {
+    columns: usize,
+    shares: Vec<Shares>,
+    touched: Range<usize>,
+}
+
+impl Azimuths {
+    /// One cell, `upper` on the way from row to row and `t` from value node to value node.
+    #[inline(always)]
+    fn add(&mut self, (row, upper): (usize, f64), column: usize, t: f64) {
+        self.touched = self.touched.start.min(column)..self.touched.end.max(column + 1);
+        let both = t * (1.0 - t) / 6.0;
+        let shares = [1.0 - t, t, both * (2.0 - t), both * (1.0 + t)];
+        for (row, weight) in [(row, 1.0 - upper), (row + 1, upper)] {
+            let to = &mut self.shares[row * self.columns + column];
+            (0..4).for_each(|k| to[k] += weight * shares[k]);
+        }
+    }
+
+    /// Moves everything to `rows`, which are clear.
+    fn drain(&mut self, rows: &mut Rows) {
         if self.touched.is_empty() {
             return;
         }
-        for array in [&mut self.mass, &mut self.excess] {
-            array.chunks_exact_mut(self.columns).for_each(|row| row[self.touched.clone()].fill(0.0));
+        let columns = self.columns;
+        rows.touched = self.touched.start..self.touched.end + 1;
+        for (row, shares) in self.shares.chunks_exact_mut(columns).enumerate() {
+            let shares = &mut shares[self.touched.clone()];
+            let at = row * columns + self.touched.start;
+            let mass = &mut rows.mass[at..=at + shares.len()];
+            let excess = &mut rows.excess[at..=at + shares.len()];
+            for (k, [lower, upper, of_lower, of_upper]) in shares.iter().enumerate() {
+                mass[k] += lower;
+                mass[k + 1] += upper;
+                excess[k] += of_lower;
+                excess[k + 1] += of_upper;
+            }
+            shares.fill([0.0; 4]);
         }
-        self.touched = self.columns..0;
+        self.touched = columns..0;
     }
 }
 
@@ -59,60 +109,42 @@ impl Splat {
     /// Contracts phi_d, then theta_o, then theta_i to their nodes.
     pub fn new(lattice: &Lattice, values: &[Lanes], cells: &[f64], valid: impl Fn(usize) -> bool) -> Self {
         let columns = values.len() * LANES;
-        let [cells_i, cells_o, cells_phi] = lattice.grid.shape();
+        let [_, cells_o, cells_phi] = lattice.grid.shape();
         let [_, nodes_o, nodes_phi] = lattice.nodes;
-        let count = (0..cells.len()).filter(|&index| valid(index)).count();
+        let weight = 1.0 / (0..cells.len()).filter(|&index| valid(index)).count() as f64;
         let mut all = Rows::new(lattice.base_len(), columns);
         let mut of_theta_i = Rows::new(nodes_o * nodes_phi, columns);
         let mut of_theta_o = Rows::new(nodes_phi, columns);
-        let hats_phi: Vec<_> = (0..cells_phi).map(|index| lattice.hat(2, index)).collect();
-        let mut finder = ColumnFinder { values: values.as_flattened(), last: 0 };
-        for i in 0..cells_i {
-            for o in 0..cells_o {
-                let first = (i * cells_o + o) * cells_phi;
-                for (index, &hat) in (first..).zip(&hats_phi).filter(|&(index, _)| valid(index)) {
-                    of_theta_o.splat(hat, lattice.below(cells[index]), 1.0 / count as f64, &mut finder);
+        let mut azimuths = Azimuths { columns, shares: vec![[0.0; 4]; nodes_phi * columns], touched: columns..0 };
+        let [hats_i, hats_o, hats_phi] = [0, 1, 2].map(|axis| lattice.hats(axis));
+        let finder = ColumnFinder::new(values);
+        let mut index = 0;
+        for (cells, hat_i) in cells.chunks_exact(cells_o * cells_phi).zip(hats_i) {
+            for (cells, &hat_o) in cells.chunks_exact(cells_phi).zip(&hats_o) {
+                for (&value, &hat) in cells.iter().zip(&hats_phi) {
+                    if valid(index) {
+                        let (node, t) = lattice.below(value);
+                        azimuths.add(hat, finder.find(node), t);
+                    }
+                    index += 1;
                 }
-                of_theta_i.contract(lattice.hat(1, o), nodes_phi, &of_theta_o);
+                azimuths.drain(&mut of_theta_o);
+                of_theta_i.contract(hat_o, &of_theta_o);
                 of_theta_o.clear();
             }
-            all.contract(lattice.hat(0, i), nodes_o * nodes_phi, &of_theta_i);
+            all.contract(hat_i, &of_theta_i);
             of_theta_i.clear();
         }
-        Self { mass: all.mass.as_chunks().0.to_vec(), excess: all.excess.as_chunks().0.to_vec() }
-    }
-}
-
-impl Rows {
-    /// One cell, `upper` on the way from row to row and `t` from value node to value node.
-    fn splat(&mut self, (row, upper): (usize, f64), (node, t): (f64, f64), weight: f64, finder: &mut ColumnFinder) {
-        let column = finder.find(node);
-        self.touch(column..column + 2);
-        let both = t * (1.0 - t) / 6.0;
-        for (row, weight) in [(row, weight * (1.0 - upper)), (row + 1, weight * upper)] {
-            if weight > 0.0 {
-                let at = row * self.columns + column;
-                self.mass[at] += weight * (1.0 - t);
-                self.mass[at + 1] += weight * t;
-                self.excess[at] += weight * both * (2.0 - t);
-                self.excess[at + 1] += weight * both * (1.0 + t);
-            }
-        }
+        let scaled = |array: Vec<f64>| {
+            let mut array = array.as_chunks().0.to_vec();
+            array.as_flattened_mut().iter_mut().for_each(|x| *x *= weight);
+            array
+        };
+        Self { mass: scaled(all.mass), excess: scaled(all.excess) }
     }
 
-    /// Adds `other`, whose `rows` rows belong to one cell of this array's slowest axis.
-    fn contract(&mut self, (node, upper): (usize, f64), rows: usize, other: &Rows) {
-        for (node, weight) in [(node, 1.0 - upper), (node + 1, upper)] {
-            if weight > 0.0 && !other.touched.is_empty() {
-                self.add(node * rows, weight, other);
-            }
-        }
-    }
-}
-
-impl Splat {
     /// The derivatives with respect to the linear splat A and to V, given that with respect to the masses.
-    fn pull_back(&self, measure: &Measure, of_mass: &[Lanes]) -> (Vec<f64>, Vec<f64>) {
+    pub fn pull_back(&self, measure: &Measure, of_mass: &[Lanes]) -> (Vec<f64>, Vec<f64>) {
         let columns = measure.values.len() * LANES;
         let adjacent = measure.adjacent();
         let (mass, excess) = (self.mass.as_flattened(), self.excess.as_flattened());
@@ -135,19 +167,40 @@ impl Splat {
     }
 }
 
-/// Finds the column of a value node, fast where the last one found is near.
+/// Finds the column of a value node that is one.
 struct ColumnFinder<'a> {
     values: &'a [f64],
-    last: usize,
+    /// The column of every multiple of h from the first node on, where they are not too many.
+    columns: Vec<u32>,
 }
 
-impl ColumnFinder<'_> {
-    fn find(&mut self, node: f64) -> usize {
-        let near = self.last.saturating_sub(2)..(self.last + 3).min(self.values.len());
-        let near = near.clone().find(|&column| self.values[column] == node);
-        self.last = near.unwrap_or_else(|| self.values.partition_point(|&value| value < node));
-        self.last
+impl<'a> ColumnFinder<'a> {
+    fn new(values: &'a [Lanes]) -> Self {
+        let values = values.as_flattened();
+        let (first, last) = (values[0], values[values.len() - 1]);
+        let mut columns = Vec::new();
+        if last - first <= MOST_MARKED {
+            columns.resize(index(last - first) + 1, 0);
+            // Backwards: of the copies of the last node, the first counts.
+            values.iter().enumerate().rev().for_each(|(at, value)| columns[index(value - first)] = at as u32);
+        }
+        Self { values, columns }
     }
+
+    #[inline(always)]
+    fn find(&self, node: f64) -> usize {
+        if self.columns.is_empty() {
+            return self.values.partition_point(|&value| value < node);
+        }
+        self.columns[index(node - self.values[0])] as usize
+    }
+}
+
+/// An integer from 0 to 2^32 - 1, converted without the care that a cast takes of others.
+#[inline(always)]
+pub(super) fn index(x: f64) -> usize {
+    const TWO_POW_52: f64 = 4_503_599_627_370_496.0;
+    (x + TWO_POW_52).to_bits() as u32 as usize
 }
 
 /// The derivative of a function of a measure with respect to the values of its cells.
@@ -183,11 +236,12 @@ fn over_cells(
     let [_, nodes_o, nodes_phi] = lattice.nodes;
     let columns = measure.values.len() * LANES;
     let count = (0..cells.len()).filter(|&cell| valid(cell)).count();
-    let mut finder = ColumnFinder { values: measure.values.as_flattened(), last: 0 };
+    let finder = ColumnFinder::new(&measure.values);
+    let hats = [0, 1, 2].map(|axis| lattice.hats(axis));
     let mut gradient = vec![0.0; cells.len()];
     for (cell, total) in gradient.iter_mut().enumerate().filter(|&(cell, _)| valid(cell)) {
         let indices = [cell / (cells_o * cells_phi), cell / cells_phi % cells_o, cell % cells_phi];
-        let hats = [0, 1, 2].map(|axis| lattice.hat(axis, indices[axis]));
+        let hats = [0, 1, 2].map(|axis| hats[axis][indices[axis]]);
         let (node, t) = lattice.below(cells[cell]);
         let column = finder.find(node);
         for corner in 0..8 {

@@ -1,0 +1,102 @@
+//! The pairs of a group of combinations that are done, while the group is not: a line of JSON each, so that a sweep that is
+//! killed loses the pairs in hand and no more.
+
+use crate::evaluation::sweep::{Combination, PairOutcome, Setting};
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// The first line.
+#[derive(PartialEq, Serialize, Deserialize)]
+struct Header {
+    setting: Setting,
+    metrics: Vec<String>,
+}
+
+/// The other lines.
+#[derive(Serialize, Deserialize)]
+struct Line {
+    pair: usize,
+    found: PairOutcome,
+}
+
+/// The journal of one group.
+pub struct Journal {
+    path: PathBuf,
+    known: BTreeMap<usize, PairOutcome>,
+    file: Mutex<File>,
+}
+
+impl Journal {
+    /// Takes up the journal at `path`; one of another group or setting begins anew. A line that was cut off is left out.
+    pub fn open(path: PathBuf, group: &[Combination], setting: &Setting) -> Result<Self> {
+        let header = Header { setting: setting.clone(), metrics: group.iter().map(Combination::to_string).collect() };
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        let mut lines = text.lines();
+        let same = lines.next().and_then(|line| serde_json::from_str::<Header>(line).ok()).is_some_and(|h| h == header);
+        let lines = lines.filter(|_| same).map_while(|line| serde_json::from_str::<Line>(line).ok());
+        let known: BTreeMap<_, _> =
+            lines.filter(|line| line.found.len() == group.len()).map(|line| (line.pair, line.found)).collect();
+        let file = File::create(&path).with_context(|| format!("{}: cannot be written", path.display()))?;
+        let journal = Self { path, known, file: Mutex::new(file) };
+        journal.append(&header)?;
+        journal.known.iter().try_for_each(|(pair, found)| journal.keep(*pair, found))?;
+        Ok(journal)
+    }
+
+    /// What was there.
+    pub fn known(&self) -> &BTreeMap<usize, PairOutcome> {
+        &self.known
+    }
+
+    pub fn keep(&self, pair: usize, found: &PairOutcome) -> Result<()> {
+        self.append(&Line { pair, found: found.clone() })
+    }
+
+    fn append(&self, line: &impl Serialize) -> Result<()> {
+        let line = serde_json::to_string(line)? + "\n";
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.write_all(line.as_bytes()).with_context(|| format!("{}: cannot be written", self.path.display()))
+    }
+
+    /// The group is done.
+    pub fn remove(self) -> Result<()> {
+        fs::remove_file(&self.path).with_context(|| format!("{}: cannot be removed", self.path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_journal_that_was_cut_off_is_taken_up_and_that_of_others_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.journal");
+        let group = Combination::of_study()[..2].to_vec();
+        let study = crate::dataset::Study::load(crate::dataset::synthetic::NAME, None).unwrap();
+        let setting = Setting::new("3x3x8", "coarse", &study);
+        let found: PairOutcome = vec![Ok([1.0, 0.5, 1e-300]), Err("a test".to_owned())];
+        let open = |group: &[Combination], setting: &Setting| Journal::open(path.clone(), group, setting).unwrap();
+        let journal = open(&group, &setting);
+        assert!(journal.known().is_empty());
+        journal.keep(3, &found).unwrap();
+        journal.keep(1, &found).unwrap();
+        drop(journal);
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
+        // Opening writes what is left once more: a second cut loses nothing else.
+        for _ in 0..2 {
+            assert_eq!(*open(&group, &setting).known(), BTreeMap::from([(3, found.clone())]));
+        }
+        assert!(open(&group, &Setting::new("3x3x8", "fast", &study)).known().is_empty());
+        let journal = open(&group[..1], &setting);
+        assert!(journal.known().is_empty());
+        journal.remove().unwrap();
+        assert!(!path.exists());
+    }
+}

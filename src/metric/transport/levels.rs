@@ -1,0 +1,277 @@
+//! Coarser versions of a quantised graph, for the large epsilons of the annealing.
+//!
+//! A sum of Gaussians of width sqrt(epsilon) needs nodes at a fraction of that width and no more. Level 0 is the
+//! [`Measure`] that the blur asks for; each further level has half the value nodes and about half the nodes along each base
+//! axis, and serves epsilons four times as large. The annealing starts on the last level and ends on level 0: early updates
+//! cost next to nothing, and a slow annealing costs about what its last factor of two does.
+//!
+//! *Masses* go down a level as cells go to nodes (`measure.rs`): value node 2k goes to k, 2k + 1 half to k and half to
+//! k + 1, which adds the variance (1/4) (2 h)^2, V_k += 1/16, V_{k+1} += 1/16, taken back by anti-diffusion; along the base, hat
+//! functions.
+//!
+//! *Potentials* go up a level by interpolation, smooth as they are: along values, node 2k takes k and 2k + 1 takes
+//! (-1, 9, 9, -1)/16 of k - 1 to k + 2, which are kept as nodes for that, massless or not; along a base axis, the polynomial
+//! through the nearest four nodes, or as many as there are.
+//!
+//! Every chain of a comparison changes levels at the same epsilons, so that what this changes cancels.
+
+use super::TransportError;
+use super::elementary::{LANES, Lanes};
+use super::lattice::Lattice;
+use super::measure::Measure;
+use super::quantised::Field;
+use super::splat::Splat;
+
+/// A level of at most so many value nodes has no coarser one.
+const FEWEST_VALUES: usize = 2 * LANES;
+/// Base axes keep so many nodes, where they have as many: potentials bend.
+const FEWEST_BASE_NODES: usize = 3;
+/// More levels than any range of values within the limits needs.
+const MOST_LEVELS: usize = 50;
+
+/// A measure and its coarser versions.
+#[derive(Debug, Clone)]
+pub(super) struct Levels {
+    /// From fine to coarse.
+    measures: Vec<Measure>,
+    /// From each to the next.
+    ways: Vec<Way>,
+}
+
+/// Between a level and the next coarser one.
+#[derive(Debug, Clone)]
+struct Way {
+    /// For every fine value node the coarse one at or below it, and whether it lies half-way to the next.
+    below: Vec<(usize, bool)>,
+    /// The share of every fine base node's mass that every coarse one gets, an axis each: coarse x fine.
+    hats: [Matrix; 3],
+    /// Fine base nodes' potentials from coarse ones', an axis each: fine x coarse.
+    polynomials: [Matrix; 3],
+}
+
+impl Levels {
+    /// All levels of the measure of the cells for which `valid` holds; there must be one, and valid values must be finite.
+    pub fn new(lattice: Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Self, TransportError> {
+        let mut fine = Measure::new(lattice, cells, valid)?;
+        let mut levels = Self { measures: Vec::new(), ways: Vec::new() };
+        while fine.values.len() * LANES > FEWEST_VALUES && levels.measures.len() + 1 < MOST_LEVELS {
+            let (way, coarse) = Way::down(&fine);
+            levels.measures.push(fine);
+            levels.ways.push(way);
+            fine = coarse;
+        }
+        levels.measures.push(fine);
+        Ok(levels)
+    }
+
+    /// Number of levels, at least 1.
+    pub fn len(&self) -> usize {
+        self.measures.len()
+    }
+
+    /// 0 is the finest.
+    pub fn level(&self, level: usize) -> &Measure {
+        &self.measures[level]
+    }
+
+    pub fn finest(&self) -> &Measure {
+        self.level(0)
+    }
+
+    /// A potential of level `from` on the finer level `to`.
+    pub fn refine(&self, mut potential: Field, from: usize, to: usize) -> Field {
+        for level in (to..from).rev() {
+            potential = self.ways[level].refine(&potential, self.level(level + 1).values.len());
+        }
+        potential
+    }
+
+    /// The derivative with respect to a potential of the coarser level `to`, from that with respect to what
+    /// [`Levels::refine`] made of it for level `from`.
+    pub fn refine_back(&self, mut of_potential: Field, from: usize, to: usize) -> Field {
+        for level in from..to {
+            of_potential = self.ways[level].refine_back(&of_potential, self.level(level + 1).values.len());
+        }
+        of_potential
+    }
+
+    /// The derivative with respect to the masses of level 0, from those with respect to the masses of every level.
+    pub fn coarsen_back(&self, mut of_masses: Vec<Field>) -> Field {
+        for level in (1..of_masses.len()).rev() {
+            let of_coarse = std::mem::take(&mut of_masses[level]);
+            let (fine, coarse) = (self.level(level - 1), self.level(level));
+            self.ways[level - 1].coarsen_back(fine, coarse, &of_coarse, &mut of_masses[level - 1]);
+        }
+        of_masses.swap_remove(0)
+    }
+}
+
+impl Way {
+    /// The way down from `fine`, and where it leads.
+    fn down(fine: &Measure) -> (Self, Measure) {
+        let (lattice, hats) = fine.lattice.coarser(FEWEST_BASE_NODES);
+        let fine_nodes = fine.values.as_flattened();
+        let mut nodes: Vec<f64> = Vec::with_capacity(fine_nodes.len());
+        for half in fine_nodes.iter().map(|node| 0.5 * node) {
+            let below = half.floor();
+            nodes.extend(if half == below { 0..1 } else { -1..3 }.map(|step: i32| below + f64::from(step)));
+        }
+        let values = Measure::axis(nodes);
+        let place = |node: &f64| {
+            let below = (0.5 * node).floor();
+            (values.as_flattened().partition_point(|&value| value < below), 0.5 * node != below)
+        };
+        let below = fine_nodes.iter().map(place).collect();
+        let polynomials = [0, 1, 2].map(|axis| Matrix::polynomials(fine.lattice.nodes[axis], lattice.nodes[axis]));
+        let way = Self { below, hats, polynomials };
+        let splat = way.coarsen(fine, values.len());
+        (way, Measure::sharpened(lattice, values, splat))
+    }
+
+    /// The masses and excesses of the coarse nodes, `entries` of them, before anti-diffusion.
+    fn coarsen(&self, fine: &Measure, entries: usize) -> Splat {
+        let columns = entries * LANES;
+        let rows = fine.lattice.base_len();
+        let (mut mass, mut excess) = (vec![0.0; rows * columns], vec![0.0; rows * columns]);
+        let fine_rows = fine.mass.as_flattened().chunks_exact(self.below.len());
+        for (from, (mass, excess)) in
+            fine_rows.zip(mass.chunks_exact_mut(columns).zip(excess.chunks_exact_mut(columns)))
+        {
+            for (&from, &(below, half_way)) in from.iter().zip(&self.below) {
+                if half_way {
+                    mass[below] += 0.5 * from;
+                    mass[below + 1] += 0.5 * from;
+                    excess[below] += HALF_WAY_EXCESS * from;
+                    excess[below + 1] += HALF_WAY_EXCESS * from;
+                } else {
+                    mass[below] += from;
+                }
+            }
+        }
+        let coarse = |array| multiply(self.hats.each_ref(), array, columns);
+        Splat { mass: coarse(mass), excess: coarse(excess) }
+    }
+
+    /// Adds the derivative by way of the coarse masses to that with respect to the fine ones.
+    fn coarsen_back(&self, fine: &Measure, coarse: &Measure, of_coarse: &[Lanes], of_fine: &mut Field) {
+        let columns = coarse.values.len() * LANES;
+        let (of_linear, of_excess) = self.coarsen(fine, coarse.values.len()).pull_back(coarse, of_coarse);
+        let hats = self.hats.each_ref().map(Matrix::transposed);
+        let [of_linear, of_excess] = [of_linear, of_excess].map(|array| multiply(hats.each_ref(), array, columns));
+        let (of_linear, of_excess) = (of_linear.as_flattened(), of_excess.as_flattened());
+        let fine_rows = of_fine.as_flattened_mut().chunks_exact_mut(self.below.len());
+        for (to, (linear, excess)) in
+            fine_rows.zip(of_linear.chunks_exact(columns).zip(of_excess.chunks_exact(columns)))
+        {
+            for (to, &(below, half_way)) in to.iter_mut().zip(&self.below) {
+                *to += if half_way {
+                    0.5 * (linear[below] + linear[below + 1]) + HALF_WAY_EXCESS * (excess[below] + excess[below + 1])
+                } else {
+                    linear[below]
+                };
+            }
+        }
+    }
+
+    /// A potential of the coarse nodes, `entries` of them, at the fine ones.
+    fn refine(&self, potential: &[Lanes], entries: usize) -> Field {
+        let mut along_values = Vec::with_capacity(potential.len() / entries * self.below.len());
+        for row in potential.as_flattened().chunks_exact(entries * LANES) {
+            along_values.extend(self.below.iter().map(|&(below, half_way)| {
+                if half_way {
+                    CUBIC * (row[below] + row[below + 1]) - (CUBIC - 0.5) * (row[below - 1] + row[below + 2])
+                } else {
+                    row[below]
+                }
+            }));
+        }
+        multiply(self.polynomials.each_ref(), along_values, self.below.len())
+    }
+
+    /// The transpose of [`Way::refine`].
+    fn refine_back(&self, of_potential: &[Lanes], entries: usize) -> Field {
+        let polynomials = self.polynomials.each_ref().map(Matrix::transposed);
+        let of_potential = multiply(polynomials.each_ref(), of_potential.as_flattened().to_vec(), self.below.len());
+        let mut of_coarse = vec![[0.0; LANES]; of_potential.len() * LANES / self.below.len() * entries];
+        let rows = of_coarse.as_flattened_mut().chunks_exact_mut(entries * LANES);
+        for (row, from) in rows.zip(of_potential.as_flattened().chunks_exact(self.below.len())) {
+            for (&from, &(below, half_way)) in from.iter().zip(&self.below) {
+                if half_way {
+                    for (node, weight) in
+                        [(below, CUBIC), (below + 1, CUBIC), (below - 1, 0.5 - CUBIC), (below + 2, 0.5 - CUBIC)]
+                    {
+                        row[node] += weight * from;
+                    }
+                } else {
+                    row[below] += from;
+                }
+            }
+        }
+        of_coarse
+    }
+}
+
+/// t (1 - t) (2 - t)/6 half-way between two nodes.
+const HALF_WAY_EXCESS: f64 = 1.0 / 16.0;
+/// The inner weights of cubic interpolation half-way; those of the outer two are 1/2 less.
+const CUBIC: f64 = 9.0 / 16.0;
+
+/// A small dense matrix.
+#[derive(Debug, Clone)]
+pub(super) struct Matrix {
+    rows: usize,
+    columns: usize,
+    entries: Vec<f64>,
+}
+
+impl Matrix {
+    /// `entry(row, column)`.
+    pub fn new(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
+        Self { rows, columns, entries: (0..rows * columns).map(|k| entry(k / columns, k % columns)).collect() }
+    }
+
+    /// Lagrange interpolation from `coarse` equispaced nodes to `fine` ones with the same ends, through the nearest four.
+    fn polynomials(fine: usize, coarse: usize) -> Self {
+        let degree = coarse.min(4) - 1;
+        let weight = |row: usize, column: usize| {
+            let place = (row * (coarse - 1)) as f64 / (fine - 1) as f64;
+            let first = (place as usize).saturating_sub(degree / 2).min(coarse - 1 - degree);
+            let others = (first..=first + degree).filter(|&other| other != column);
+            let factor = |other: usize| (place - other as f64) / (column as f64 - other as f64);
+            if (first..=first + degree).contains(&column) { others.map(factor).product() } else { 0.0 }
+        };
+        Self::new(fine, coarse, weight)
+    }
+
+    #[cfg(test)]
+    pub fn column_sum(&self, column: usize) -> f64 {
+        self.entries.iter().skip(column).step_by(self.columns).sum()
+    }
+
+    fn transposed(&self) -> Self {
+        Self::new(self.columns, self.rows, |row, column| self.entries[column * self.columns + row])
+    }
+}
+
+/// Multiplies the three base axes of an array, base nodes x `columns`, by a matrix each.
+fn multiply(matrices: [&Matrix; 3], mut array: Vec<f64>, columns: usize) -> Field {
+    let mut shape = matrices.map(|matrix| matrix.columns);
+    for (axis, matrix) in matrices.into_iter().enumerate() {
+        let inner = shape[axis + 1..].iter().product::<usize>() * columns;
+        let outer: usize = shape[..axis].iter().product();
+        let mut product = vec![0.0; outer * matrix.rows * inner];
+        let blocks = array.chunks_exact(matrix.columns * inner).zip(product.chunks_exact_mut(matrix.rows * inner));
+        for (from, to) in blocks {
+            for (weights, to) in matrix.entries.chunks_exact(matrix.columns).zip(to.chunks_exact_mut(inner)) {
+                for (&weight, from) in
+                    weights.iter().zip(from.chunks_exact(inner)).filter(|(weight, _)| **weight != 0.0)
+                {
+                    from.iter().zip(&mut *to).for_each(|(from, to)| *to += weight * from);
+                }
+            }
+        }
+        array = product;
+        shape[axis] = matrix.rows;
+    }
+    array.as_chunks().0.to_vec()
+}

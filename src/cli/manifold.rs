@@ -6,7 +6,7 @@ use crate::brdf::formats::{merl, titopo};
 use crate::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
 use crate::dataset::Study;
 use crate::descriptor::Progress;
-use crate::fit::manifold::{Manifold, SAMPLES};
+use crate::fit::manifold::{Kind, Manifold, SAMPLES};
 use crate::fit::refit::file_name;
 use crate::metric::Metric;
 use crate::metric::registry::distances;
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Make the six approximations of a reference that lie on a linear manifold through many references.
+/// Make the six approximations of a reference that lie on a manifold through many references.
 #[derive(Args)]
 #[command(after_help = "\
 Writes MATERIAL.manifold.1 to 6, ever further from the reference, and their distances as MATERIAL.manifold.csv; says whether the
@@ -37,7 +37,10 @@ pub struct ManifoldArgs {
     /// The reference to approximate: a material of the study, or one of the references.
     #[arg(long, value_name = "NAME|BRDF")]
     material: String,
-    /// Axes of the manifold [default: all, so that it passes through every reference].
+    /// How references become points: latent variables of a Gaussian process, as in the study, or principal components.
+    #[arg(long, value_enum, default_value = "gplvm")]
+    kind: KindName,
+    /// Dimensions of the manifold [default: 4 latent variables, or all principal components].
     #[arg(long, value_name = "N")]
     dimension: Option<usize>,
     /// Of the direction in which the samples leave the reference.
@@ -52,6 +55,14 @@ pub struct ManifoldArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Gaussian process latent variable model.
+    Gplvm,
+    /// Principal components.
+    Linear,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -123,7 +134,11 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     let open = |source: &BrdfSource| source.open(shared.data.as_deref()).map_err(user_error);
     let opened = sources.values().map(open).collect::<Result<Vec<_>>>()?;
     let borrowed: Vec<&dyn Brdf> = opened.iter().map(|open| &*open.brdf).collect();
-    let manifold = Manifold::new(&borrowed, args.format.grid(), args.dimension).map_err(user_error)?;
+    let kind = match args.kind {
+        KindName::Gplvm => Kind::Latent,
+        KindName::Linear => Kind::Linear,
+    };
+    let manifold = Manifold::new(kind, &borrowed, args.format.grid(), args.dimension).map_err(user_error)?;
     let reference = TabulatedBrdf::tabulate(borrowed[index], args.format.grid()).map_err(user_error)?;
     let stem = file_name(Path::new(&args.material).file_name().and_then(|n| n.to_str()).unwrap_or(&args.material));
     let sample = |i: usize| -> Result<Sample> {
@@ -138,7 +153,7 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     bar.finish();
     let samples = samples?;
     folder.write(&format!("{stem}.manifold.csv"), &to_csv(&samples, &metrics)?)?;
-    let mut text = format!("{} axes through {} references\n", manifold.dimension(), sources.len());
+    let mut text = format!("{} dimensions through {} references\n", manifold.dimension(), sources.len());
     for (m, metric) in metrics.iter().enumerate() {
         let values: Vec<f64> = samples.iter().map(|s| s.distances[m]).collect();
         let shown: Vec<String> = values.iter().map(|v| format!("{v:.6}")).collect();

@@ -1,8 +1,9 @@
-//! Directions, coordinates, colour spaces, correlations, quantiles, least squares, the logistic curve, dense layers, dual
+//! Directions, coordinates, colour spaces, correlations, quantiles, least squares, Cholesky factors, the logistic curve, dense layers, dual
 //! numbers, the error function and seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
+pub mod cholesky;
 pub mod color;
 pub mod coordinates;
 pub mod correlation;

@@ -20,10 +20,11 @@
 //! at a point as in Schoelkopf (2001), "The kernel trick for distances", eq. 14. Cost: about 20 n r^2 for n rows and
 //! r pivots.
 
-use super::cholesky::{LowRank, dot, solve};
+use super::landmarks::LowRank;
 use super::standardize::Standardized;
 use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::dataset::split::{Fold, TrainingSet};
+use crate::math::cholesky::{dot, solve};
 use crate::math::seed;
 use crate::metric::learned::{Function, Kernel, Radial, Regressor, Term};
 use ndarray::{Array2, ArrayView2, Axis};

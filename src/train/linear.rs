@@ -10,10 +10,10 @@
 //! Source: Zou & Hastie (2005), doi:10.1111/j.1467-9868.2005.00503.x, solved by `linfa-elasticnet`'s coordinate descent,
 //! and r = 0 directly. Cost: milliseconds for ridge, about a second for the elastic net.
 
-use super::cholesky::solve;
 use super::standardize::Standardized;
 use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::dataset::split::TrainingSet;
+use crate::math::cholesky::solve;
 use crate::metric::learned::{Function, Regressor, Term};
 use linfa::Dataset;
 use linfa::traits::Fit;

@@ -5,7 +5,6 @@
 //! opinion scores from raw descriptors. The kernel and network trainers also give a portable
 //! [`Regressor`], the part of an exported metric that was learned.
 
-mod cholesky;
 #[cfg(feature = "train")]
 pub mod embedding;
 #[cfg(feature = "train")]
@@ -13,6 +12,7 @@ pub mod embedding_folds;
 pub mod ensemble;
 pub mod graph_distances;
 pub mod kernel;
+mod landmarks;
 #[cfg(feature = "train")]
 pub mod linear;
 pub mod lp_baseline;

@@ -326,11 +326,13 @@ fn samples_of_a_manifold_are_written_and_leave_their_reference() {
         let args = ["manifold", "--reference", "ward.json", "--reference", "ggx.json", "--out", "samples"];
         place.run(&[&args[..], more].concat())
     };
-    let output = manifold(&["--material", "ggx.json"]);
-    let said = String::from_utf8(output.stdout).expect("UTF-8");
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(said.starts_with("1 axes through 2 references\n"), "{said}");
-    assert_eq!(said.matches("  grows with every sample").count(), 2, "{said}");
+    for kind in ["linear", "gplvm"] {
+        let output = manifold(&["--material", "ggx.json", "--kind", kind]);
+        let said = String::from_utf8(output.stdout).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(said.starts_with("1 dimensions through 2 references\n"), "{said}");
+        assert_eq!(said.matches("  grows with every sample").count(), 2, "{said}");
+    }
     // The table that was written has the distance that was reported.
     let csv = std::fs::read_to_string(place.0.path().join("samples/ggx.json.manifold.csv")).expect("a table");
     let last: Vec<&str> = csv.lines().last().expect("six samples").split(',').collect();

@@ -1,64 +1,14 @@
-//! Cholesky factors of symmetric positive definite matrices: solving, and choosing landmarks.
+//! Rows that stand for all others of a kernel matrix: a Cholesky factorisation with pivots that stops early.
 //!
-//!   A = L L^T,   L lower triangular
-//!
-//! Golub & Van Loan, Matrix Computations (4th ed.), 4.2.5 (row by row) and 10.3 (pivoted). The pivoted form stops
-//! early; its random pivots are those of Chen, Epperly, Tropp & Webber (2025), doi:10.1002/cpa.22234. Cost: n^3/3, and n r^2 for
-//! r pivots. Sums run in a fixed order: the same input gives the same bytes.
+//! Golub & Van Loan, *Matrix Computations* (4th ed.), 10.3; random pivots as in Chen, Epperly, Tropp & Webber (2025),
+//! doi:10.1002/cpa.22234. Cost: n r^2 for r pivots. Sums run in a fixed order: the same input gives the same bytes.
 
+use crate::math::cholesky::{dot, solve_transposed};
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 
-/// Sum of products, in eight fixed lanes so that it can be vectorised.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a8.zip(b8) {
-        for i in 0..8 {
-            lanes[i] += a[i] * b[i];
-        }
-    }
-    lanes.iter().sum::<f64>() + tail
-}
-
-/// Solves (A + ridge I) x = b; `None` where the matrix is not positive definite. Only the lower triangle is read.
-pub(super) fn solve(a: ArrayView2<'_, f64>, ridge: f64, b: &[f64]) -> Option<Vec<f64>> {
-    let n = b.len();
-    let mut l = vec![0.0; n * n];
-    for i in 0..n {
-        let (above, row) = l.split_at_mut(i * n);
-        for j in 0..i {
-            let other = &above[j * n..j * n + n];
-            row[j] = (a[[i, j]] - dot(&row[..j], &other[..j])) / other[j];
-        }
-        let pivot = a[[i, i]] + ridge - dot(&row[..i], &row[..i]);
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return None;
-        }
-        row[i] = pivot.sqrt();
-    }
-    let mut x = b.to_vec();
-    for i in 0..n {
-        x[i] = (x[i] - dot(&l[i * n..i * n + i], &x[..i])) / l[i * n + i];
-    }
-    solve_transposed(&l, n, &mut x);
-    Some(x)
-}
-
-/// Solves L^T x = b in place, L row-major n x n.
-fn solve_transposed(l: &[f64], n: usize, x: &mut [f64]) {
-    for i in (0..n).rev() {
-        x[i] /= l[i * n + i];
-        let xi = x[i];
-        for (x, l) in x[..i].iter_mut().zip(&l[i * n..i * n + i]) {
-            *x -= l * xi;
-        }
-    }
-}
-
-#[derive(Clone)]
 /// A low-rank factor of a kernel matrix, K ~ F F^T, exact for the pivots.
+#[derive(Clone)]
 pub(super) struct LowRank {
     /// Rows chosen, in order of choice.
     pub pivots: Vec<usize>,
@@ -118,17 +68,6 @@ impl LowRank {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::array;
-
-    #[test]
-    fn solves_a_system_and_refuses_an_indefinite_one() {
-        let a = array![[4.0, 2.0, 1.0], [2.0, 5.0, 3.0], [1.0, 3.0, 6.0]];
-        let x = [1.0, -2.0, 0.5];
-        let b: Vec<f64> = a.outer_iter().map(|r| r.iter().zip(&x).map(|(a, b)| a * b).sum()).collect();
-        let found = solve(a.view(), 0.0, &b).unwrap();
-        assert!(found.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-14));
-        assert!(solve(array![[1.0, 2.0], [2.0, 1.0]].view(), 0.0, &[1.0, 1.0]).is_none());
-    }
 
     #[test]
     fn full_rank_reproduces_the_matrix_and_its_functions() {

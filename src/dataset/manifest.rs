@@ -243,6 +243,11 @@ impl RatedManifest {
         self.methods.iter().find(|m| m.name == name)
     }
 
+    /// The family of a method: what the manifest says, else the method itself.
+    pub fn family(&self, method: &str) -> String {
+        self.method(method).map_or(method, |m| &m.family).to_owned()
+    }
+
     /// The group of a material: its sisters' where it has some, else its own name.
     pub fn group(&self, material: &str) -> String {
         let sisters = self.sisters.iter().find(|s| matches_pattern(&s.pattern, material));

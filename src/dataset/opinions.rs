@@ -17,6 +17,8 @@ pub struct Stimulus {
     pub material: String,
     /// The approximation method, or [`REFERENCE`].
     pub method: String,
+    /// Methods of one family are fits of one model, or points of one manifold.
+    pub method_family: String,
     pub illumination: Option<String>,
     /// The material with its sisters.
     pub group: String,
@@ -105,6 +107,7 @@ pub(super) fn of_pair(pair: &RatedPair) -> Stimulus {
     Stimulus {
         material: pair.material.clone(),
         method: pair.method.clone(),
+        method_family: pair.method_family.clone(),
         illumination: None,
         group: pair.group.clone(),
         material_type: pair.material_type.clone(),

@@ -35,7 +35,7 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         material: rating.material.clone(),
         group: rated.group(&rating.material),
         method: rating.method.clone(),
-        method_family: rated.method(&rating.method).map_or(&rating.method, |m| &m.family).clone(),
+        method_family: rated.family(&rating.method),
         material_type: types.get(&rating.material).cloned(),
         mos: rating.mos,
         weight,
@@ -83,6 +83,7 @@ pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinion
             let stimulus = Stimulus {
                 material: r.material.clone(),
                 method: r.method.clone(),
+                method_family: rated.family(&r.method),
                 illumination: None,
                 group: rated.group(&r.material),
                 material_type: types.get(&r.material).cloned(),
@@ -102,7 +103,12 @@ pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinion
         scores: Scores::Means(means),
     };
     match rated.raw_ratings.as_ref().map(|layout| (data.join(&layout.file), layout)) {
-        Some((path, layout)) if path.is_file() => Ok(opinions.with_raw(raw_ratings::load(&path, layout)?)),
+        Some((path, layout)) if path.is_file() => {
+            let mut opinions = opinions.with_raw(raw_ratings::load(&path, layout)?);
+            // Raw ratings name methods alone.
+            opinions.stimuli.iter_mut().for_each(|s| s.method_family = rated.family(&s.method));
+            Ok(opinions)
+        }
         _ => Ok(opinions),
     }
 }

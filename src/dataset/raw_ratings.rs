@@ -201,7 +201,8 @@ impl<'a> Rows<'a> {
             let [group, material_type] = stated.map(|s| Some(s).filter(|s| !s.is_empty()));
             let group = group.unwrap_or_else(|| material.clone());
             let illumination = Some(illumination).filter(|i| !i.is_empty());
-            self.listed.push(Stimulus { material, method, illumination, group, material_type });
+            let method_family = method.clone();
+            self.listed.push(Stimulus { material, method, method_family, illumination, group, material_type });
         }
         Ok(index)
     }

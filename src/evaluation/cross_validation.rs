@@ -42,9 +42,17 @@ pub struct FoldRecord {
 }
 
 /// Scores and MOS of one fold's held-out rows, in their order.
-struct FoldPredictions {
+#[derive(Clone)]
+pub(super) struct FoldPredictions {
     score: Vec<f64>,
     mos: Vec<f64>,
+}
+
+impl FoldPredictions {
+    /// Of scores that are MOS already.
+    pub(super) fn direct(score: Vec<f64>) -> Self {
+        Self { mos: score.iter().map(|s| s.clamp(1.0, 5.0)).collect(), score }
+    }
 }
 
 /// Trains on each fold and predicts what it holds out.
@@ -115,11 +123,11 @@ pub fn cross_validate_spread(
     Ok(spread)
 }
 
-fn fold_seed(seed: u64, index: usize) -> u64 {
+pub(super) fn fold_seed(seed: u64, index: usize) -> u64 {
     seed::stream(seed, "cross-validation", index as u64).random()
 }
 
-fn training_error(metric: &str, fold: usize, of: &Fold, source: TrainError) -> EvaluationError {
+pub(super) fn training_error(metric: &str, fold: usize, of: &Fold, source: TrainError) -> EvaluationError {
     EvaluationError::Training {
         metric: metric.to_owned(),
         fold,
@@ -130,7 +138,7 @@ fn training_error(metric: &str, fold: usize, of: &Fold, source: TrainError) -> E
 
 /// Scores of the held-out rows by `predict`: as they are, or mapped to MOS by those of the training rows that come with
 /// them.
-fn run_folds(
+pub(super) fn run_folds(
     name: &str,
     samples: &Samples,
     folds: &[Fold],
@@ -141,7 +149,7 @@ fn run_folds(
         let (training, score) = predict(index, fold).map_err(|source| training_error(name, index, fold, source))?;
         match training {
             Some(training) => map_fold(name, index, &training, &fold.training.mos(), score),
-            None => Ok(FoldPredictions { mos: score.iter().map(|s| s.clamp(1.0, 5.0)).collect(), score }),
+            None => Ok(FoldPredictions::direct(score)),
         }
     };
     let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
@@ -205,7 +213,7 @@ fn map_fold(
     Ok(FoldPredictions { score, mos })
 }
 
-fn assemble(
+pub(super) fn assemble(
     name: &str,
     samples: &Samples,
     folds: &[Fold],

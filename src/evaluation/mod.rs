@@ -10,6 +10,7 @@ pub mod bootstrap;
 pub mod calibration;
 pub mod cross_validation;
 pub mod dependent;
+pub mod importance;
 pub mod losses;
 pub mod protocol;
 pub mod records;

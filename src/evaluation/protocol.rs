@@ -6,18 +6,21 @@
 
 use super::EvaluationError;
 use super::agreement::{Figure, Predictions};
-use super::benchmark::{JudgedMetric, Jury, prediction_records, residuals_by_material};
+use super::benchmark::{Judged, JudgedMetric, Jury, prediction_records, residuals_by_material};
 use super::bootstrap::Interval as Bounds;
 use super::calibration::Calibration;
 use super::cross_validation::{
     OutOfFold, cross_validate, cross_validate_distance, cross_validate_mean, cross_validate_scores,
     cross_validate_spread, in_sample,
 };
+use super::importance::{SHARES, permuted, with_share};
 use super::records::{
-    AblationRecord, DifferenceRecord, MaterialResidual, MetricKind, MetricRecord, PredictionRecord, Split,
+    AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
+    MetricKind, MetricRecord, PredictionRecord, Split,
 };
-use crate::dataset::samples::Samples;
+use crate::dataset::samples::{Row, Samples};
 use crate::dataset::split::{Fold, grouped_folds, material_type_folds, method_and_group_folds};
+use crate::math::correlation::pearson;
 use crate::metric::learned::exported::Interval;
 use crate::train::Trainer;
 use crate::train::trivial::MeanOf;
@@ -167,6 +170,75 @@ impl Bench {
         let unseen = cross_validate(&case.samples, &case.by_method, trainer, seed)?;
         judged.extend(self.jury.judge(&case.name, Split::UnseenMaterialAndMethod, &unseen.predictions)?);
         Ok(self.jury.ablation(&case.name, case.columns, full, &judged))
+    }
+
+    /// What `trainer` loses when columns of `samples` are exchanged between rows: each family, then the `most` single ones that
+    /// cost it most. The change is against the contender called `against`, the same trainer on the same columns.
+    pub fn importance(
+        &self,
+        trainer: &dyn Trainer,
+        against: &str,
+        samples: &Samples,
+        most: usize,
+    ) -> Result<Vec<ImportanceRecord>, EvaluationError> {
+        let full = self.find(against)?;
+        let Protocol { folds, seed, .. } = self.protocol;
+        let folds = grouped_folds(samples, folds, seed)?;
+        let columns = samples.columns();
+        let mut families: Vec<&str> = Vec::new();
+        for column in columns {
+            if !families.contains(&column.family.as_str()) {
+                families.push(&column.family);
+            }
+        }
+        let mut sets: Vec<(&str, Vec<usize>)> = families
+            .iter()
+            .map(|&family| (family, (0..columns.len()).filter(|&c| columns[c].family == family).collect()))
+            .collect();
+        sets.extend(columns.iter().enumerate().map(|(index, column)| (column.name.as_str(), vec![index])));
+        let indices: Vec<Vec<usize>> = sets.iter().map(|(_, columns)| columns.clone()).collect();
+        let predicted = permuted(samples, &folds, trainer, seed, &indices)?;
+        let ratings: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
+        let left = |p: &Predictions| pearson(&p.mos, &ratings).unwrap_or(0.0);
+        let mut single: Vec<usize> = (families.len()..sets.len()).collect();
+        single.sort_by(|&a, &b| left(&predicted[a]).total_cmp(&left(&predicted[b])));
+        let record = |set: usize| {
+            let (name, columns) = &sets[set];
+            let judged = self.jury.judge(name, Split::UnseenMaterial, &predicted[set])?;
+            let found = self.jury.ablation(name, columns.len(), full, &judged);
+            let (plcc_change, srocc_change) = (found.plcc_change, found.srocc_change);
+            Ok(ImportanceRecord { name: (*name).to_owned(), columns: columns.len(), plcc_change, srocc_change })
+        };
+        (0..families.len()).chain(single.into_iter().take(most)).map(record).collect()
+    }
+
+    /// Agreement of `trainer` for unseen materials when it is trained on fewer.
+    pub fn learning_curve(
+        &self,
+        trainer: &dyn Trainer,
+        samples: &Samples,
+    ) -> Result<Vec<LearningPoint>, EvaluationError> {
+        let Protocol { folds, seed, .. } = self.protocol;
+        let folds = grouped_folds(samples, folds, seed)?;
+        let point = |share: f64| {
+            let (predictions, groups) = with_share(samples, &folds, trainer, seed, share)?;
+            let judged = self.jury.judge(trainer.name(), Split::UnseenMaterial, &predictions)?;
+            Ok(LearningPoint { groups, judgements: judged.iter().map(Judged::record).collect() })
+        };
+        SHARES.into_iter().map(point).collect()
+    }
+
+    /// The distances of the column called `metric`, the ratings, and the logistic curve between them, fitted on all rows.
+    pub fn curve(&self, samples: &Samples, metric: &str) -> Result<CurveRecord, EvaluationError> {
+        let Predictions { score, mos } = in_sample(samples, metric)?;
+        let point = |((row, score), mapped): ((&Row, f64), f64)| CurvePoint {
+            method: row.method.clone(),
+            distance: -score,
+            mos: row.mos,
+            mapped,
+        };
+        let points = samples.rows().iter().zip(score).zip(mos).map(point).collect();
+        Ok(CurveRecord { metric: metric.to_owned(), points })
     }
 
     /// Differences of every other contender of `others` to `subject`, Holm-corrected.

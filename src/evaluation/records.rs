@@ -126,6 +126,49 @@ impl AblationRecord {
     }
 }
 
+/// What the metric loses, unseen material, all rows, when descriptors are exchanged between rows ([`super::importance`]).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ImportanceRecord {
+    /// A family of descriptors, or one of them.
+    pub name: String,
+    /// Descriptors that were exchanged, together.
+    pub columns: usize,
+    /// Exchanged minus whole.
+    pub plcc_change: Option<Difference>,
+    pub srocc_change: Option<Difference>,
+}
+
+/// Agreement after training on fewer materials.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LearningPoint {
+    /// Groups of materials that were trained on, the mean over folds.
+    pub groups: f64,
+    pub judgements: Vec<Judgement>,
+}
+
+impl LearningPoint {
+    pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
+        self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
+    }
+}
+
+/// A distance and the ratings, with the logistic curve from one to the other, fitted on these very rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CurveRecord {
+    pub metric: String,
+    pub points: Vec<CurvePoint>,
+}
+
+/// One rated pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    pub method: String,
+    pub distance: f64,
+    pub mos: f64,
+    /// On the curve.
+    pub mapped: f64,
+}
+
 /// How far one material's predictions are from its ratings, in MOS.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialResidual {
@@ -179,6 +222,14 @@ pub struct BenchmarkRecord {
     pub metrics: Vec<MetricRecord>,
     pub differences: Vec<DifferenceRecord>,
     pub ablation: Vec<AblationRecord>,
+    /// Families first, then the descriptors that matter most.
+    #[serde(default)]
+    pub importance: Vec<ImportanceRecord>,
+    /// Fewest materials first.
+    #[serde(default)]
+    pub learning_curve: Vec<LearningPoint>,
+    #[serde(default)]
+    pub curves: Vec<CurveRecord>,
     pub residuals: Vec<MaterialResidual>,
     pub calibration: Option<Calibration>,
     pub predictions: Vec<PredictionRecord>,

@@ -26,6 +26,12 @@ const SET_ASIDE: [&str; 3] = ["BAGHER", "GPLVM", "manifold"];
 /// The Lp metrics that the paper singles out, shown first.
 const SHOWN_LP: [&str; 3] = ["D9.Cl", "D1.Cl.CR", "D4.Cl.CR"];
 
+/// Those of them whose curve from distance to rating is drawn.
+const CURVED_LP: [&str; 2] = ["D9.Cl", "D4.Cl.CR"];
+
+/// Descriptors whose importance is told one by one.
+const MOST_SINGLE: usize = 15;
+
 /// Families of the distances between graphs.
 const GRAPH_FAMILIES: [&str; 2] = [TRANSPORT_FAMILY, ENERGY_FAMILY];
 
@@ -81,6 +87,13 @@ pub fn run(
         stage(&format!("ablation: {}", case.name));
         ablation.push(bench.ablate(&case, &ablation_trainer, ablation_trainer.name())?);
     }
+    stage("importance of descriptors");
+    let importance = bench.importance(&ablation_trainer, ablation_trainer.name(), &compact, MOST_SINGLE)?;
+    stage("learning curve");
+    let learning_curve = bench.learning_curve(&ablation_trainer, &compact)?;
+    let of_graphs = graphs.columns().iter().map(|column| bench.curve(&graphs, &column.name));
+    let of_lp = CURVED_LP.iter().map(|name| bench.curve(&lp, name));
+    let curves = of_graphs.chain(of_lp).collect::<Result<_, _>>()?;
     stage("differences");
     let mut headline = vec![recipe::NAME.to_owned()];
     headline.extend(parts.iter().map(|(trainer, _, _)| trainer.name().to_owned()));
@@ -108,6 +121,9 @@ pub fn run(
         differences,
         did_not_help: did_not_help(&ablation),
         ablation,
+        importance,
+        learning_curve,
+        curves,
         residuals: bench.residuals(recipe::NAME)?,
         calibration: Some(calibration),
         predictions: bench.prediction_records(&headline),

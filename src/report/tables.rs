@@ -167,6 +167,33 @@ pub fn ablation(record: &BenchmarkRecord) -> Table {
     table
 }
 
+/// What exchanging descriptors between rows costs.
+pub fn importance(record: &BenchmarkRecord) -> Table {
+    let mut table = Table::new(
+        "Permutation importance: change when descriptors are exchanged between unseen rows, families first",
+        &["descriptors", "number", "PLCC", "SROCC"],
+    );
+    for found in &record.importance {
+        let numbers = [found.columns.to_string(), change(found.plcc_change), change(found.srocc_change)];
+        table.rows.push([found.name.clone()].into_iter().chain(numbers).collect());
+    }
+    table
+}
+
+/// Agreement by the number of materials that were trained on.
+pub fn learning_curve(record: &BenchmarkRecord) -> Table {
+    let mut table = Table::new(
+        "Learning curve: agreement on unseen materials by the groups of materials trained on",
+        &["groups", "PLCC", "SROCC"],
+    );
+    for point in &record.learning_curve {
+        let main = point.judgement(Split::UnseenMaterial, RowSet::All);
+        let numbers = [Figure::Plcc, Figure::Srocc].map(|figure| with_interval(main, figure));
+        table.rows.push([format!("{:.1}", point.groups)].into_iter().chain(numbers).collect());
+    }
+    table
+}
+
 /// The `most` materials with the largest errors.
 pub fn residuals(record: &BenchmarkRecord, most: usize) -> Table {
     let mut table = Table::new(

@@ -17,6 +17,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const TYPE: &str = "material type";
 const METHOD: &str = "method";
+/// A method's family: fits of one model have one.
+const MODEL: &str = "model";
 const ILLUMINATION: &str = "illumination";
 const STEP: &str = "step";
 /// Samples of a manifold at growing distances from the reference: section 3.3.
@@ -148,6 +150,7 @@ impl<'a> Comparison<'a> {
     /// Box plots of everything, of each type, each method, and their combinations.
     pub fn boxes(&self) -> Vec<BoxSet> {
         let main: Vec<usize> = self.approximations.iter().chain(&self.references).copied().collect();
+        let better = self.better_fits(&main);
         let both = self.under_both().map(|(_, both)| both.into_iter().flatten().collect()).unwrap_or_default();
         [
             ("Everything", &main, &[][..]),
@@ -155,6 +158,8 @@ impl<'a> Comparison<'a> {
             ("Hidden references by material type", &self.references, &[TYPE]),
             ("By method", &main, &[METHOD]),
             ("By method and material type", &main, &[METHOD, TYPE]),
+            ("By model, the better of several fits", &better, &[MODEL]),
+            ("By model and material type, the better of several fits", &better, &[MODEL, TYPE]),
             ("By illumination and material type, of what was rated under both", &both, &[ILLUMINATION, TYPE]),
             ("By step along the manifold", &self.approximations, &[STEP]),
         ]
@@ -162,6 +167,23 @@ impl<'a> Comparison<'a> {
         .map(|(title, rows, factors)| self.box_set(title, rows, factors))
         .filter(|set| !set.boxes.is_empty())
         .collect()
+    }
+
+    /// Of `rows`, the one with the highest mean opinion score for every material and model, as the study's figures 9 and 10
+    /// have it; nothing where every method is a model of its own.
+    fn better_fits(&self, rows: &[usize]) -> Vec<usize> {
+        let distinct = |of: &dyn Fn(usize) -> &'a str| rows.iter().map(|&row| of(row)).collect::<BTreeSet<_>>().len();
+        let [methods, models] =
+            [METHOD, MODEL].map(|factor| distinct(&|row| self.level(row, factor).unwrap_or_default()));
+        let mut best: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+        for &row in rows.iter().filter(|_| models < methods) {
+            let stimulus = &self.opinions[row].stimulus;
+            let kept = best.entry((&stimulus.material, &stimulus.method_family)).or_insert(row);
+            if self.mos[row] > self.mos[*kept] {
+                *kept = row;
+            }
+        }
+        best.into_values().collect()
     }
 
     fn box_set(&self, title: &str, rows: &[usize], factors: &[&str]) -> BoxSet {
@@ -194,6 +216,7 @@ impl<'a> Comparison<'a> {
         match factor {
             TYPE => stimulus.material_type.as_deref(),
             ILLUMINATION => stimulus.illumination.as_deref(),
+            MODEL => Some(&stimulus.method_family),
             STEP => stimulus.method.strip_prefix(MANIFOLD),
             _ => Some(&stimulus.method),
         }

@@ -9,11 +9,13 @@ use std::sync::LazyLock;
 use vernis::dataset::samples::{Column, Role, Row, Samples};
 use vernis::dataset::split::{grouped_folds, method_and_group_folds};
 use vernis::evaluation::agreement::Figure;
-use vernis::evaluation::benchmark::{JudgedMetric, Jury, prediction_records, residuals_by_material};
+use vernis::evaluation::benchmark::{Judged, JudgedMetric, Jury, prediction_records, residuals_by_material};
 use vernis::evaluation::bootstrap::Interval;
 use vernis::evaluation::calibration::Calibration;
 use vernis::evaluation::cross_validation::{cross_validate_distance, in_sample};
-use vernis::evaluation::records::{BenchmarkRecord, MetricKind, Split};
+use vernis::evaluation::records::{
+    BenchmarkRecord, CurvePoint, CurveRecord, ImportanceRecord, LearningPoint, MetricKind, Split,
+};
 use vernis::math::seed;
 use vernis::report::page::materials::{Candidate, Material};
 use vernis::report::{OutputFolder, ReportError, write_benchmark};
@@ -88,6 +90,25 @@ fn make_record() -> BenchmarkRecord {
     let subject = cross_validate_distance(&samples, &folds, "vernis").unwrap().predictions;
     let intervals: Vec<Interval> = subject.mos.iter().map(|m| Interval { low: m - 0.3, high: m + 0.3 }).collect();
     let mos: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
+    let ablation =
+        |name: &str, columns, metric: usize| jury.ablation(name, columns, &metrics[0], &metrics[metric].judged);
+    let importance = |name: &str, columns, metric: usize| {
+        let found = ablation(name, columns, metric);
+        let (plcc_change, srocc_change) = (found.plcc_change, found.srocc_change);
+        ImportanceRecord { name: name.to_owned(), columns, plcc_change, srocc_change }
+    };
+    let learning = |groups, metric: usize| LearningPoint {
+        groups,
+        judgements: metrics[metric].judged.iter().map(Judged::record).collect(),
+    };
+    let mapped = in_sample(&samples, "D9.Cl").unwrap();
+    let point = |(row, (score, mapped)): (&Row, (&f64, &f64))| CurvePoint {
+        method: row.method.clone(),
+        distance: -score,
+        mos: row.mos,
+        mapped: *mapped,
+    };
+    let points = samples.rows().iter().zip(mapped.score.iter().zip(&mapped.mos)).map(point).collect();
     BenchmarkRecord {
         study: "made-up".into(),
         synthetic: false,
@@ -104,10 +125,10 @@ fn make_record() -> BenchmarkRecord {
         headline: headline.iter().map(|s| (*s).to_owned()).collect(),
         metrics: metrics.iter().map(JudgedMetric::record).collect(),
         differences: jury.differences(&metrics, &pairs, &[Figure::Plcc, Figure::Srocc]).unwrap(),
-        ablation: vec![
-            jury.ablation("without lights", 24, &metrics[0], &metrics[1].judged),
-            jury.ablation("only angular", 14, &metrics[0], &metrics[2].judged),
-        ],
+        ablation: vec![ablation("without lights", 24, 1), ablation("only angular", 14, 2)],
+        importance: vec![importance("lights", 18, 1), importance("angular", 14, 7), importance("cxexc", 1, 12)],
+        learning_curve: vec![learning(6.0, 1), learning(24.0, 0)],
+        curves: vec![CurveRecord { metric: "D9.Cl".into(), points }],
         residuals: residuals_by_material(samples.rows(), &subject),
         calibration: Some(Calibration::of(&mos, &intervals, 0.95).unwrap()),
         predictions: prediction_records(samples.rows(), &[("vernis", &subject)]),
@@ -205,8 +226,10 @@ fn synthetic_observers_are_named_everywhere() {
         assert!(text.matches("SYNTHETIC observers").count() >= 2, "{name}");
     }
     #[cfg(feature = "train")]
-    for name in ["scatter.svg", "agreement.svg", "lp.svg", "ablation.svg", "residuals.svg"] {
-        let svg = read(&folder, name);
+    for name in ["scatter", "agreement", "lp", "ablation", "importance", "learning", "curves", "residuals"]
+        .map(|name| format!("{name}.svg"))
+    {
+        let svg = read(&folder, &name);
         assert!(svg.contains("(SYNTHETIC observers)"), "{name}");
     }
 }
@@ -216,7 +239,7 @@ fn synthetic_observers_are_named_everywhere() {
 fn pictures_have_content_on_both_back_ends() {
     let dir = tempfile::tempdir().unwrap();
     let folder = report(dir.path(), &record(false));
-    for name in ["scatter", "agreement", "lp", "ablation", "residuals"] {
+    for name in ["scatter", "agreement", "lp", "ablation", "importance", "learning", "curves", "residuals"] {
         let picture = image::open(folder.path().join(format!("{name}.png"))).unwrap().to_rgb8();
         let inked = picture.pixels().filter(|p| p.0 != [255; 3]).count();
         assert!(inked > 10_000, "{name}: {inked} pixels");
@@ -235,6 +258,9 @@ fn an_empty_benchmark_still_has_a_page() {
         metrics: vec![],
         differences: vec![],
         ablation: vec![],
+        importance: vec![],
+        learning_curve: vec![],
+        curves: vec![],
         residuals: vec![],
         calibration: None,
         predictions: vec![],
@@ -276,8 +302,15 @@ fn the_page_of_a_study_shows_its_ratings_and_says_what_is_missing() {
     // 40 materials and 349 candidates.
     assert_eq!(html.matches("<img").count(), 40 + 349);
     #[cfg(feature = "train")]
-    for name in ["methods", "mos-by-type", "interval-widths", "mos-by-method", "mos-by-light-and-type", "illuminations"]
-    {
+    for name in [
+        "methods",
+        "mos-by-type",
+        "interval-widths",
+        "mos-by-method",
+        "mos-by-model",
+        "mos-by-light-and-type",
+        "illuminations",
+    ] {
         assert!(html.contains(&format!("<figure id=\"{name}\">")), "{name}");
     }
     let output = run(&["report", "--study", "synthetic", "--benchmark", "page", "--out", "page"]);

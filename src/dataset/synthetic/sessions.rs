@@ -83,7 +83,9 @@ pub fn simulate(made: &SyntheticStudy, seed: u64) -> Sessions {
 fn stimuli(made: &SyntheticStudy) -> (Vec<Stimulus>, Vec<f64>) {
     let lit = |stimulus: &Stimulus, light: &str| Stimulus { illumination: Some(light.into()), ..stimulus.clone() };
     let pairs: Vec<(Stimulus, f64)> = made.study.pairs.iter().map(of_pair).zip(made.quality.iter().copied()).collect();
-    let hidden = |s: &Stimulus| (s.material.clone(), Stimulus { method: REFERENCE.into(), ..s.clone() });
+    let hidden = |s: &Stimulus| {
+        (s.material.clone(), Stimulus { method: REFERENCE.into(), method_family: REFERENCE.into(), ..s.clone() })
+    };
     let references: BTreeMap<String, Stimulus> = pairs.iter().map(|(s, _)| hidden(s)).collect();
     let studio = pairs.iter().map(|(s, q)| (lit(s, STUDIO), *q));
     let mut rng = seed::stream(0, "synthetic-overcast", 0);

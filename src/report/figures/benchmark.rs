@@ -1,10 +1,11 @@
 //! The figures of a benchmark: predicted against rated, agreement of selected metrics, of all Lp metrics, errors by
 //! material, ablation.
 
+use super::curves::{Curves, Learning};
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, TEXT, TITLE, WIDTH, figure, legend, observed};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, legend, observed};
 use crate::evaluation::agreement::Figure as AgreementFigure;
-use crate::evaluation::bootstrap::Interval;
+use crate::evaluation::bootstrap::{Difference, Interval};
 use crate::evaluation::records::{
     BenchmarkRecord, Judgement, MetricKind, MetricRecord, PredictionRecord, RowSet, Split,
 };
@@ -38,6 +39,23 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
             );
             figures.push(figure(name, caption, &bars)?);
         }
+    }
+    let importance = importance(record);
+    if !importance.rows.is_empty() {
+        let caption = "What the landmark kernel loses when descriptors are exchanged between unseen rows: loss of Pearson \
+                       correlation (no border) and of Spearman correlation (black border), with 95 % intervals of a \
+                       bootstrap by material. Families first, then the descriptors that cost most.";
+        figures.push(figure("importance", caption.to_owned(), &importance)?);
+    }
+    if let Some(learning) = Learning::of(record) {
+        let caption = "Agreement on unseen materials of the landmark kernel when it is trained on fewer groups of materials: \
+                       Pearson (filled) and Spearman correlation (open), with 95 % intervals of a bootstrap by material.";
+        figures.push(figure("learning", caption.to_owned(), &learning)?);
+    }
+    if let Some(curves) = Curves::of(record) {
+        let caption = "Mean opinion scores against distances, with the logistic curve between them fitted on these very \
+                       rows. One mark a rated pair, by approximation method; the closer to the curve, the better.";
+        figures.push(figure("curves", caption.to_owned(), &curves)?);
     }
     let strips = Strips::of(record);
     if !strips.materials.is_empty() {
@@ -91,22 +109,15 @@ impl Picture for Scatter<'_> {
     }
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
-        let x = Axis { data: self.range, pixels: (60.0, 660.0) };
-        let y = Axis { data: self.range, pixels: (680.0, 80.0) };
-        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
-        canvas.words("predicted MOS", (20.0, 60.0), TEXT, Anchor::Left)?;
-        canvas.words("rated MOS", (660.0, 724.0), TEXT, Anchor::Right)?;
-        for tick in x.ticks(1.0) {
-            canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
-            canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
-            canvas.words(&format!("{tick}"), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
-            canvas.words(&format!("{tick}"), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
+        Square {
+            title: &self.title,
+            x_label: "rated MOS",
+            y_label: "predicted MOS",
+            range: self.range,
+            methods: &self.methods,
+            points: &self.points,
         }
-        canvas.line((x.pixels.0, y.pixels.0), (x.pixels.1, y.pixels.1), INK, 1.0)?;
-        for &(method, rated, predicted) in &self.points {
-            canvas.mark(method, (x.at(rated), y.at(predicted)), 4.5)?;
-        }
-        legend(canvas, &self.methods, 690.0, 90.0)
+        .draw(canvas)
     }
 }
 
@@ -114,6 +125,8 @@ impl Picture for Scatter<'_> {
 struct Bars {
     title: String,
     rows: Vec<BarRow>,
+    /// The end of the axis.
+    most: f64,
 }
 
 struct BarRow {
@@ -139,7 +152,7 @@ fn unseen(metric: &MetricRecord) -> Option<&Judgement> {
 fn agreement(record: &BenchmarkRecord) -> Bars {
     let metrics = record.headline_metrics();
     let rows = metrics.iter().filter_map(|m| BarRow::of(m.name.clone(), unseen(m), false)).collect();
-    Bars { title: observed("Agreement with the ratings, unseen materials", record.synthetic), rows }
+    Bars { title: observed("Agreement with the ratings, unseen materials", record.synthetic), rows, most: 1.0 }
 }
 
 fn lp(record: &BenchmarkRecord) -> Bars {
@@ -149,7 +162,7 @@ fn lp(record: &BenchmarkRecord) -> Bars {
         let gap = rows.last().is_some_and(|last| stem(&last.label) != stem(&metric.name));
         rows.extend(BarRow::of(metric.name.clone(), unseen(metric), gap));
     }
-    Bars { title: observed("Lp distances", record.synthetic), rows }
+    Bars { title: observed("Lp distances", record.synthetic), rows, most: 1.0 }
 }
 
 fn ablation(record: &BenchmarkRecord) -> Bars {
@@ -160,7 +173,27 @@ fn ablation(record: &BenchmarkRecord) -> Bars {
         BarRow::of(label, found.judgement(Split::UnseenMaterial, RowSet::All), i == 0)
     });
     let rows = if record.ablation.is_empty() { Vec::new() } else { full.into_iter().chain(parts).collect() };
-    Bars { title: observed("Ablation by descriptors, unseen materials", record.synthetic), rows }
+    Bars { title: observed("Ablation by descriptors, unseen materials", record.synthetic), rows, most: 1.0 }
+}
+
+/// Losses, so that what matters most is the longest.
+fn importance(record: &BenchmarkRecord) -> Bars {
+    let families: BTreeSet<&str> =
+        record.importance.iter().filter(|found| found.columns > 1).map(|found| found.name.as_str()).collect();
+    let mut rows: Vec<BarRow> = Vec::new();
+    for found in &record.importance {
+        let loss = |d: Difference| (-d.difference, Interval { low: -d.interval.high, high: -d.interval.low });
+        if let (Some(plcc), Some(srocc)) = (found.plcc_change.map(loss), found.srocc_change.map(loss)) {
+            let is_family = families.contains(found.name.as_str());
+            let label = if is_family { format!("{} ({})", found.name, found.columns) } else { found.name.clone() };
+            let gap = !is_family && rows.len() == families.len();
+            rows.push(BarRow { label, bars: [plcc, srocc], gap });
+        }
+    }
+    let most =
+        rows.iter().flat_map(|row| row.bars).map(|(value, interval)| interval.high.max(value)).fold(0.05, f64::max);
+    let title = observed("Loss of agreement when descriptors are exchanged", record.synthetic);
+    Bars { title, rows, most: (most * 20.0).ceil() / 20.0 }
 }
 
 const BARS_TOP: f64 = 92.0;
@@ -179,11 +212,19 @@ impl Bars {
         BARS_TOP + self.rows.iter().map(row).sum::<f64>()
     }
 
+    fn step(&self) -> f64 {
+        if self.most > 0.5 { 0.2 } else { 0.05 }
+    }
+
     fn axis(&self) -> Result<Axis, String> {
         let widths: Vec<f64> = self.rows.iter().map(|r| marks::width(&r.label, TEXT)).collect::<Result<_, _>>()?;
         let margin = widths.iter().fold(40.0f64, |a, &b| a.max(b)) + 36.0;
         let lowest = self.rows.iter().flat_map(|r| r.bars).map(|b| b.1.low.min(b.0)).fold(0.0, f64::min);
-        Ok(Axis { data: ((lowest * 5.0).floor() / 5.0, 1.0), pixels: (margin.min(420.0), f64::from(WIDTH) - 80.0) })
+        let step = self.step();
+        Ok(Axis {
+            data: ((lowest / step).floor() * step, self.most),
+            pixels: (margin.min(420.0), f64::from(WIDTH) - 80.0),
+        })
     }
 }
 
@@ -200,9 +241,10 @@ impl Picture for Bars {
             canvas.bar((left, 58.0 - bar / 2.0), (left + 24.0, 58.0 + bar / 2.0), colour, i == 1)?;
             canvas.words(name, (left + 32.0, 58.0), TEXT, Anchor::Left)?;
         }
-        for tick in x.ticks(0.2) {
+        let digits = if self.most > 0.5 { 1 } else { 2 };
+        for tick in x.ticks(self.step()) {
             canvas.line((x.at(tick), BARS_TOP - 10.0), (x.at(tick), bottom), FAINT, 1.0)?;
-            canvas.words(&format!("{:.1}", tick + 0.0), (x.at(tick), bottom + 16.0), TEXT, Anchor::Middle)?;
+            canvas.words(&format!("{:.digits$}", tick + 0.0), (x.at(tick), bottom + 16.0), TEXT, Anchor::Middle)?;
         }
         let mut top = BARS_TOP;
         for row in &self.rows {
@@ -216,7 +258,12 @@ impl Picture for Bars {
                     canvas.line((x.at(end), middle - bar / 3.0), (x.at(end), middle + bar / 3.0), INK, 1.5)?;
                 }
                 let right = x.at(interval.high.max(value).max(0.0)) + 8.0;
-                canvas.words(&format!("{value:.2}"), (right, middle), bar.min(12.0) + 1.0, Anchor::Left)?;
+                canvas.words(
+                    &format!("{value:.0$}", digits.max(2) + usize::from(digits == 2)),
+                    (right, middle),
+                    bar.min(12.0) + 1.0,
+                    Anchor::Left,
+                )?;
             }
             top += 2.0 * bar + space;
         }

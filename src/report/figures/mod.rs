@@ -1,12 +1,13 @@
 //! Figures, as SVG and PNG: what the pictures of a benchmark and of a study's ratings share.
 
 pub mod benchmark;
+mod curves;
 mod marks;
 pub mod spectrum;
 pub mod study;
 
 use super::{Figure, ReportError};
-use marks::{Anchor, Canvas, Drawn, Picture};
+use marks::{Anchor, Canvas, Drawn, FAINT, INK, Picture};
 use plotters::prelude::DrawingBackend;
 
 const WIDTH: u32 = 900;
@@ -38,6 +39,38 @@ impl Axis {
     fn ticks(&self, step: f64) -> impl Iterator<Item = f64> {
         let (first, last) = ((self.data.0 / step - 1e-9).ceil() as i64, (self.data.1 / step + 1e-9).floor() as i64);
         (first..=last).map(move |i| i as f64 * step)
+    }
+}
+
+/// A square plot: points with a mark by method, a diagonal, and the methods beside it.
+struct Square<'a> {
+    title: &'a str,
+    x_label: &'a str,
+    y_label: &'a str,
+    range: (f64, f64),
+    methods: &'a [&'a str],
+    /// Method, x, y.
+    points: &'a [(usize, f64, f64)],
+}
+
+impl Square<'_> {
+    fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
+        let x = Axis { data: self.range, pixels: (60.0, 660.0) };
+        let y = Axis { data: self.range, pixels: (680.0, 80.0) };
+        canvas.words(self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        canvas.words(self.y_label, (20.0, 58.0), TEXT, Anchor::Left)?;
+        canvas.words(self.x_label, (660.0, 724.0), TEXT, Anchor::Right)?;
+        for tick in x.ticks(1.0) {
+            canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
+            canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
+            canvas.words(&format!("{tick}"), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
+            canvas.words(&format!("{tick}"), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
+        }
+        canvas.line((x.pixels.0, y.pixels.0), (x.pixels.1, y.pixels.1), INK, 1.0)?;
+        for &(method, at_x, at_y) in self.points {
+            canvas.mark(method, (x.at(at_x), y.at(at_y)), 4.5)?;
+        }
+        legend(canvas, self.methods, 690.0, 90.0)
     }
 }
 

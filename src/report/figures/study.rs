@@ -1,7 +1,7 @@
 //! The figures of a study's ratings: how much was rated, box plots of mean opinion scores, one illumination against the other.
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, TEXT, TITLE, WIDTH, figure, legend, observed};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed};
 use crate::report::{Figure, ReportError};
 use crate::study::BoxPlot;
 use crate::study::record::{BoxSet, NamedBox, StudyRecord};
@@ -9,13 +9,23 @@ use plotters::prelude::DrawingBackend;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// File name of a figure, title of its box plots in the record, caption.
-const BOXES: [(&str, &str, &str); 5] = [
+const BOXES: [(&str, &str, &str); 7] = [
     ("mos-by-type", "Approximations by material type", "Mean opinion scores of the approximations by type of material"),
     ("mos-by-method", "By method", "Mean opinion scores by approximation method"),
     (
         "mos-by-method-and-type",
         "By method and material type",
         "Mean opinion scores by approximation method and type of material",
+    ),
+    (
+        "mos-by-model",
+        "By model, the better of several fits",
+        "Mean opinion scores by model, of several fits of a model to a material the one with the highest score",
+    ),
+    (
+        "mos-by-model-and-type",
+        "By model and material type, the better of several fits",
+        "Mean opinion scores by model and type of material, the better of several fits",
     ),
     (
         "mos-by-light-and-type",
@@ -66,6 +76,7 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
     for (_, title, caption) in BOXES {
         if !drawn(title) {
             let why = match title {
+                "By model, the better of several fits" => "no model was fitted in several ways",
                 "By step along the manifold" => "no rated candidate is a manifold sample",
                 "By illumination and material type, of what was rated under both" => {
                     "nothing was rated under two illuminations"
@@ -262,21 +273,14 @@ impl Picture for Lights<'_> {
     }
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
-        let x = Axis { data: (1.0, 5.0), pixels: (60.0, 660.0) };
-        let y = Axis { data: (1.0, 5.0), pixels: (680.0, 80.0) };
-        canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
-        canvas.words(&format!("MOS under {}", self.names[1]), (20.0, 58.0), TEXT, Anchor::Left)?;
-        canvas.words(&format!("MOS under {}", self.names[0]), (660.0, 724.0), TEXT, Anchor::Right)?;
-        for tick in x.ticks(1.0) {
-            canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
-            canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
-            canvas.words(&format!("{tick}"), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
-            canvas.words(&format!("{tick}"), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
+        Square {
+            title: &self.title,
+            x_label: &format!("MOS under {}", self.names[0]),
+            y_label: &format!("MOS under {}", self.names[1]),
+            range: (1.0, 5.0),
+            methods: &self.methods,
+            points: &self.points,
         }
-        canvas.line((x.pixels.0, y.pixels.0), (x.pixels.1, y.pixels.1), INK, 1.0)?;
-        for &(method, first, second) in &self.points {
-            canvas.mark(method, (x.at(first), y.at(second)), 4.5)?;
-        }
-        legend(canvas, &self.methods, 690.0, 90.0)
+        .draw(canvas)
     }
 }

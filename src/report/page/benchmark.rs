@@ -95,6 +95,8 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
         ("All metrics", tables::all_metrics(record)),
         ("Differences between metrics", tables::differences(record)),
         ("Which descriptors matter", tables::ablation(record)),
+        ("Which descriptors the model leans on", tables::importance(record)),
+        ("What more materials would bring", tables::learning_curve(record)),
         ("Where it is wrong", tables::residuals(record, MOST_RESIDUALS)),
     ]
     .into_iter()

@@ -49,7 +49,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     }
     if let Some(learning) = Learning::of(record) {
         let caption = "Agreement on unseen materials of the landmark kernel when it is trained on fewer groups of materials: \
-                       Pearson (filled) and Spearman correlation (open), with 95 % intervals of a bootstrap by material.";
+                       Pearson (no border) and Spearman correlation (black border), with 95 % intervals of a bootstrap by material.";
         figures.push(figure("learning", caption.to_owned(), &learning)?);
     }
     if let Some(curves) = Curves::of(record) {

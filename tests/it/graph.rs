@@ -1,16 +1,9 @@
-//! The metrics on graphs through the registry: contract, gradients, notation, bad input, and the sweep.
+//! The metrics on graphs through the registry: contract, gradients, notation, bad input.
 
 use rand::Rng;
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use vernis::brdf::models::{BlinnPhong, Ggx, Lambert};
 use vernis::brdf::{Anchor, Brdf, Grid, TabulatedBrdf};
-use vernis::dataset::{Study, synthetic};
-use vernis::evaluation::EvaluationError;
-use vernis::evaluation::sweep::{
-    Combination, CombinationRecord, Family, Outcome, PairOutcome, Setting, StudyTables, SweepProtocol, compute, groups,
-    judge,
-};
 use vernis::math::{Rgb, Vec3, seed};
 use vernis::metric::registry::{Registry, distances};
 use vernis::metric::{Metric, PreparedMetric};
@@ -170,116 +163,6 @@ fn tables_of_different_grids_are_refused() {
     let coarse = table(|_| Some(0.2));
     let error = metric(&format!("ot[grid={GRID}]")).distance(&fine, &coarse).unwrap_err().to_string();
     assert!(error.contains("different grids") && error.contains("45x45x180") && error.contains("10x12x32"), "{error}");
-}
-
-#[test]
-fn a_sweep_records_what_it_found_and_takes_it_up_again() {
-    let study = Study { pairs: synthetic_pairs(), ..Study::load(synthetic::NAME, None).unwrap() };
-    let grid = "3x3x8".parse().unwrap();
-    let tables = StudyTables::of(&study, grid, None, usize::MAX, &|_, _| {}).unwrap();
-    let without_memory = StudyTables::of(&study, grid, None, 0, &|_, _| {}).unwrap();
-    let registry = Registry::standard().unwrap();
-    let setting = Setting::new("3x3x8", "standard", &study);
-    let all = Combination::of_study();
-    let pick = |name: &str| *all.iter().find(|c| c.to_string() == name).unwrap();
-    let combinations = [
-        pick("ot[p=2,alpha=0.1,blur=0.05,scaling=0.8,phi=t^1/4]"),
-        pick("ot[p=1,alpha=0.1,blur=0.1,scaling=0.8,phi=t^1/4]"),
-        pick("energy[alpha=0.1,phi=t^1/3]"),
-        pick("energy[alpha=1,phi=log:eta=0.01]"),
-    ];
-    let mut outcomes = Vec::new();
-    for combination in combinations {
-        let outcome_on = |tables: &StudyTables| {
-            let found = compute(&[combination], &setting, &registry, tables, &BTreeMap::new(), &forget);
-            found.unwrap().remove(0)
-        };
-        let outcome = outcome_on(&tables);
-        assert_eq!(outcome, outcome_on(&without_memory));
-        let record = CombinationRecord::new(&combination, &setting, outcome.clone());
-        let bytes = serde_json::to_vec(&record).unwrap();
-        let pairs = study.pairs.len();
-        let read = |bytes: &[u8], of: &Combination, setting: &Setting, pairs| {
-            CombinationRecord::outcome_of(bytes, of, setting, pairs)
-        };
-        assert_eq!(read(&bytes, &combination, &setting, pairs), Some(outcome.clone()));
-        // Half a file, another study, grid, accuracy, combination, another number of pairs: computed again.
-        assert_eq!(read(&bytes[..bytes.len() / 2], &combination, &setting, pairs), None);
-        let whole = Study::load(synthetic::NAME, None).unwrap();
-        let fewer = Study { pairs: whole.pairs[1..].to_vec(), ..whole };
-        for other in [("3x3x8", "standard", &fewer), ("3x3x9", "standard", &study), ("3x3x8", "fast", &study)] {
-            assert_eq!(read(&bytes, &combination, &Setting::new(other.0, other.1, other.2), pairs), None);
-        }
-        assert_eq!(read(&bytes, &all[77], &setting, pairs), None);
-        assert_eq!(read(&bytes, &combination, &setting, pairs + 1), None);
-        outcomes.push((combination, outcome));
-    }
-    outcomes.push((all[0], Outcome::Refused { reason: "a test".into() }));
-    let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
-    let protocol = SweepProtocol { folds: 4, resamples: 60, seed: 1 };
-    let record = judge("synthetic", &setting, &rows, &outcomes, protocol).unwrap();
-    assert_eq!((record.in_sample.len(), record.nested.len(), record.refused.len()), (12, 3, 1));
-    assert!(record.in_sample.is_sorted_by(|a, b| a.plcc.value >= b.plcc.value));
-    // A power changes no rank; choosing out of sample cannot beat the best in sample by much.
-    let srocc = |name: &str| record.in_sample.iter().find(|r| r.name == name).unwrap().srocc.value;
-    let name = |gamma: f64| outcomes[0].0.with_gamma(gamma);
-    assert_eq!(srocc(&name(0.25)), srocc(&name(0.5)));
-    assert!(record.nested.iter().all(|row| row.plcc.value <= record.in_sample[0].plcc.value + 0.01));
-    assert_eq!(all.iter().filter(|c| c.family() == Family::Energy).count(), 32);
-}
-
-/// Keeps no journal.
-fn forget(_: usize, _: &PairOutcome) -> Result<(), EvaluationError> {
-    Ok(())
-}
-
-#[test]
-fn combinations_of_a_group_give_what_each_gives_alone() {
-    let study = Study { pairs: synthetic_pairs(), ..Study::load(synthetic::NAME, None).unwrap() };
-    // Fine enough for the quantised method at coarse accuracy.
-    let setting = Setting::new("9x9x36", "coarse", &study);
-    let tables = StudyTables::of(&study, "9x9x36".parse().unwrap(), None, usize::MAX, &|_, _| {}).unwrap();
-    let registry = Registry::standard().unwrap();
-    let chosen = |c: &&Combination| {
-        c.to_string().starts_with("ot[p=2,alpha=0.05,blur=0.1,") && c.to_string().ends_with("phi=t]")
-    };
-    let group: Vec<Combination> = Combination::of_study().iter().filter(chosen).copied().collect();
-    assert_eq!((groups(&group), group.len()), (vec![group.clone()], 4));
-    let seen = Mutex::new(BTreeMap::new());
-    let keep = |index: usize, found: &PairOutcome| -> Result<(), EvaluationError> {
-        seen.lock().unwrap().insert(index, found.clone());
-        Ok(())
-    };
-    let together = compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &keep).unwrap();
-    for (combination, expected) in group.iter().zip(&together) {
-        let alone = compute(&[*combination], &setting, &registry, &tables, &BTreeMap::new(), &forget).unwrap();
-        assert_eq!(alone[0], *expected);
-    }
-    // Half of the pairs known: the same, and only the others are computed.
-    let mut known = seen.into_inner().unwrap();
-    assert_eq!(known.len(), study.pairs.len());
-    known.retain(|index, _| index % 2 == 0);
-    let again = Mutex::new(0);
-    let count = |index: usize, _: &PairOutcome| -> Result<(), EvaluationError> {
-        assert_eq!(index % 2, 1);
-        *again.lock().unwrap() += 1;
-        Ok(())
-    };
-    assert_eq!(compute(&group, &setting, &registry, &tables, &known, &count).unwrap(), together);
-    assert_eq!(*again.lock().unwrap(), study.pairs.len() / 2);
-    // What the caller cannot keep ends the work.
-    let full =
-        |_: usize, _: &PairOutcome| Err(EvaluationError::TooFew { what: "bytes of a full disk", found: 0, least: 1 });
-    assert!(compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &full).is_err());
-}
-
-/// Every candidate of a dozen materials.
-fn synthetic_pairs() -> Vec<vernis::dataset::RatedPair> {
-    let study = Study::load(synthetic::NAME, None).unwrap();
-    let mut materials: Vec<String> = study.pairs.iter().map(|p| p.material.clone()).collect();
-    materials.dedup();
-    materials.truncate(12);
-    study.pairs.into_iter().filter(|p| materials.contains(&p.material)).collect()
 }
 
 #[test]

@@ -17,6 +17,7 @@ mod report;
 mod rooms;
 mod shipped;
 mod study;
+mod sweep;
 #[cfg(feature = "train")]
 mod train;
 mod transport;

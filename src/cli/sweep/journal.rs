@@ -5,7 +5,7 @@ use crate::evaluation::sweep::{Combination, PairOutcome, Setting};
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -41,11 +41,16 @@ impl Journal {
         let lines = lines.filter(|_| same).map_while(|line| serde_json::from_str::<Line>(line).ok());
         let known: BTreeMap<_, _> =
             lines.filter(|line| line.found.len() == group.len()).map(|line| (line.pair, line.found)).collect();
-        let file = File::create(&path).with_context(|| format!("{}: cannot be written", path.display()))?;
-        let journal = Self { path, known, file: Mutex::new(file) };
-        journal.append(&header)?;
-        journal.known.iter().try_for_each(|(pair, found)| journal.keep(*pair, found))?;
-        Ok(journal)
+        let mut whole = line(&header)?;
+        for (&pair, found) in &known {
+            whole += &line(&Line { pair, found: found.clone() })?;
+        }
+        // Under another name first, so that a crash just now leaves the old file or the new one.
+        let partial = path.with_extension("journal.partial");
+        let written = fs::write(&partial, whole).and_then(|()| fs::rename(&partial, &path));
+        let opened = written.and_then(|()| OpenOptions::new().append(true).open(&path));
+        let file = opened.with_context(|| format!("{}: cannot be written", path.display()))?;
+        Ok(Self { path, known, file: Mutex::new(file) })
     }
 
     /// What was there.
@@ -54,11 +59,7 @@ impl Journal {
     }
 
     pub fn keep(&self, pair: usize, found: &PairOutcome) -> Result<()> {
-        self.append(&Line { pair, found: found.clone() })
-    }
-
-    fn append(&self, line: &impl Serialize) -> Result<()> {
-        let line = serde_json::to_string(line)? + "\n";
+        let line = line(&Line { pair, found: found.clone() })?;
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(line.as_bytes()).with_context(|| format!("{}: cannot be written", self.path.display()))
     }
@@ -67,6 +68,10 @@ impl Journal {
     pub fn remove(self) -> Result<()> {
         fs::remove_file(&self.path).with_context(|| format!("{}: cannot be removed", self.path.display()))
     }
+}
+
+fn line(content: &impl Serialize) -> Result<String> {
+    Ok(serde_json::to_string(content)? + "\n")
 }
 
 #[cfg(test)]

@@ -160,9 +160,8 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     let protocol = SweepProtocol { folds: args.folds, resamples: args.resamples, seed: args.seed };
     let record = judge(&short, &setting, &rows, &outcomes, protocol).map_err(user_error)?;
     folder.write("sweep.csv", &sweep::csv(&record)?)?;
-    let command =
-        format!("vernis sweep --study {short} --grid {grid} --accuracy {} --seed {}", args.accuracy, args.seed);
-    let report = folder.write("sweep.md", sweep::markdown(&record, &command).as_bytes())?;
+    let numbers = [outcomes.len(), combinations.len()];
+    let report = folder.write("sweep.md", sweep::markdown(&record, &command(&args, &short), numbers).as_bytes())?;
     if args.json {
         return print(serde_json::to_string_pretty(&record)? + "\n");
     }
@@ -177,6 +176,22 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         record.refused.len(),
         report.display()
     ))
+}
+
+/// The command that makes the same report again.
+fn command(args: &SweepArgs, study: &str) -> String {
+    let mut command = format!("vernis sweep --study {study} --grid {} --accuracy {}", args.grid, args.accuracy);
+    if let Some(family) = args.family.and_then(|family| family.to_possible_value()) {
+        command += &format!(" --family {}", family.get_name());
+    }
+    let lists = [("p", &args.p), ("alpha", &args.alpha), ("blur", &args.blur), ("scaling", &args.scaling)];
+    for (option, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+        command += &format!(" --{option} {}", list.iter().map(f64::to_string).collect::<Vec<_>>().join(","));
+    }
+    if !args.phi.is_empty() {
+        command += &format!(" --phi {}", args.phi.join(","));
+    }
+    command + &format!(" --folds {} --resamples {} --seed {}", args.folds, args.resamples, args.seed)
 }
 
 /// What every combination gave: read where an earlier run has left it, computed and kept elsewhere.

@@ -2,7 +2,7 @@
 
 use super::ReportError;
 use super::tables::Table;
-use crate::evaluation::sweep::{Judged, SweepRecord, SweepRow};
+use crate::evaluation::sweep::{GAMMAS, Judged, SweepRecord, SweepRow};
 
 /// Rows of the Markdown table; the CSV has all.
 const SHOWN: usize = 40;
@@ -37,11 +37,18 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
     table(title, &record.in_sample[..shown])
 }
 
-pub fn markdown(record: &SweepRecord, command: &str) -> String {
+/// `found` of the combinations that `command` asks for are in the record, `asked` they are.
+pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2]) -> String {
     let mut text = format!(
-        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{} resamples of materials, seed {}.\n\n",
-        record.resamples, record.seed
+        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {asked} combinations that this asks for, \
+         each with {} powers gamma; {} resamples of materials, seed {}.\n\n",
+        GAMMAS.len(),
+        record.resamples,
+        record.seed
     );
+    if found < asked {
+        text += "**Not all are computed yet**: whatever is missing may be better than what is here.\n\n";
+    }
     text += &nested(record).to_markdown();
     text += "\n";
     text += &best(record, SHOWN).to_markdown();

@@ -191,6 +191,15 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
     // What was there can be reported, and is not made again; the rest comes to what an undisturbed sweep finds.
     assert!(sweep(place.path(), "killed").arg("--report").status().unwrap().success());
     assert_eq!(files(&combinations, ".json"), before);
+    let said = fs::read_to_string(place.path().join("killed/sweep.md")).unwrap();
+    assert!(
+        said.contains(&format!("\n{} of the 6 combinations", before.len())) && said.contains("Not all are computed"),
+        "{said}"
+    );
+    assert!(
+        said.contains("--p 2 --alpha 0.05 --blur 0.02 --scaling 0.8,0.9 --phi t^1/2,t^1/3,t^1/4 --folds 10"),
+        "{said}"
+    );
     assert!(sweep(place.path(), "killed").status().unwrap().success());
     let after = files(&combinations, ".json");
     assert!(after.len() == 6 && before.iter().all(|(name, time)| after.get(name) == Some(time)), "{after:?}");

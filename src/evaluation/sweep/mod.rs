@@ -1,9 +1,9 @@
 //! Every combination of the study's transport and kernel distances over a study of ratings.
 //!
 //! [`StudyTables`] holds the BRDFs, [`compute`] gives the divergences of a group of [`Combination`]s, which [`CombinationRecord`]
-//! keeps, and [`judge`] compares all with the ratings. The cost of a combination is that of its last blur: pairs x .05 s x
-//! [`Combination::weight`] on a core at alpha .1, blur .05 and coarse accuracy, a fifth of it at alpha .01, twenty times as much at
-//! alpha .05, blur .01.
+//! keeps, and [`judge`] compares all with the ratings. Cost of a pair on a core at coarse accuracy: .1 s for the masses of a group,
+//! and for each combination its [`Combination::weight`] times .01 s at alpha .1, blur .05, half of that at alpha .01, twenty times as
+//! much at alpha .05, blur .01.
 
 mod combination;
 mod judge;

@@ -41,7 +41,7 @@ pub struct ManifoldArgs {
     #[arg(long, value_enum, default_value = "gplvm")]
     kind: KindName,
     /// Dimensions of the manifold [default: 4 latent variables, or all principal components].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = dimensions)]
     dimension: Option<usize>,
     /// Of the direction in which the samples leave the reference.
     #[arg(long, default_value_t = 1)]
@@ -55,6 +55,11 @@ pub struct ManifoldArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
+}
+
+fn dimensions(text: &str) -> Result<usize, String> {
+    let allowed = "allowed: an integer of at least 1";
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| allowed.to_owned())
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -153,7 +158,8 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     bar.finish();
     let samples = samples?;
     folder.write(&format!("{stem}.manifold.csv"), &to_csv(&samples, &metrics)?)?;
-    let mut text = format!("{} dimensions through {} references\n", manifold.dimension(), sources.len());
+    let (dimension, stop) = (manifold.dimension(), manifold.stop().name());
+    let mut text = format!("dimensions: {dimension}, references: {}, search for their points: {stop}\n", sources.len());
     for (m, metric) in metrics.iter().enumerate() {
         let values: Vec<f64> = samples.iter().map(|s| s.distances[m]).collect();
         let shown: Vec<String> = values.iter().map(|v| format!("{v:.6}")).collect();

@@ -156,6 +156,12 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     let folder = OutputFolder::create(&out).map_err(user_error)?;
     let setting = Setting::new(&grid.to_string(), &args.accuracy, &study);
     let outcomes = outcomes(shared, &args, &study, &setting, &combinations, &out)?;
+    if outcomes.is_empty() {
+        let (asked, out) = (combinations.len(), out.display());
+        return Err(user_error(format!(
+            "{out}: none of the {asked} combinations is there; without --report they are computed"
+        )));
+    }
     let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
     let protocol = SweepProtocol { folds: args.folds, resamples: args.resamples, seed: args.seed };
     let record = judge(&short, &setting, &rows, &outcomes, protocol).map_err(user_error)?;
@@ -234,7 +240,8 @@ fn outcomes(
                 step(1);
                 journal.keep(index, found)
             };
-            let found = compute(&group, setting, &registry, &tables, journal.known(), &keep).map_err(user_error)?;
+            let found = compute(&group, setting, &registry, &tables, journal.known(), &keep)
+                .map_err(|error: anyhow::Error| user_error(format!("{error:#}")))?;
             for (combination, outcome) in group.iter().zip(found) {
                 let record = CombinationRecord::new(combination, setting, outcome.clone());
                 folder.write(&file(combination, "json"), &serde_json::to_vec(&record)?)?;

@@ -85,10 +85,15 @@ impl StudyOpinions {
     }
 
     /// These raw ratings instead of the scores of `self`. Material types and groups that `raw` does not state are
-    /// those of the study's materials.
+    /// those of the study's materials, and methods belong to the study's families.
     pub fn with_raw(&self, mut raw: Self) -> Self {
         let known: BTreeMap<&str, &Stimulus> = self.stimuli.iter().map(|s| (s.material.as_str(), s)).collect();
+        let families: BTreeMap<&str, &String> =
+            self.stimuli.iter().map(|s| (s.method.as_str(), &s.method_family)).collect();
         for stimulus in &mut raw.stimuli {
+            if let Some(family) = families.get(stimulus.method.as_str()) {
+                stimulus.method_family.clone_from(family);
+            }
             let Some(of_study) = known.get(stimulus.material.as_str()) else { continue };
             if stimulus.group == stimulus.material {
                 stimulus.group.clone_from(&of_study.group);
@@ -141,18 +146,20 @@ mod tests {
     }
 
     #[test]
-    fn raw_ratings_take_types_and_groups_of_the_study() {
+    fn raw_ratings_take_types_groups_and_families_of_the_study() {
         let dir = tempfile::tempdir().unwrap();
-        let pairs = "reference,candidate,mos,material,group,material_type,method\n\
-                     a.binary,b.binary,3,chalk,stones,Dielectric,GGX\n";
+        let pairs = "reference,candidate,mos,material,group,material_type,method,method_family\n\
+                     a.binary,b.binary,3,chalk,stones,Dielectric,GGX,microfacets\n";
         let study = write(&dir, "s.csv", pairs);
-        let rows = "participant,material,method,score\np,chalk,GGX,3\nq,chalk,GGX,4\np,gold,GGX,2\n";
+        let rows = "participant,material,method,score\np,chalk,GGX,3\nq,chalk,GGX,4\np,gold,SGD,2\n";
         let raw = StudyOpinions::load_raw(&write(&dir, "raw.csv", rows)).unwrap();
         assert_eq!(raw.name, "raw");
         let joined = StudyOpinions::load(&study.to_string_lossy(), None).unwrap().with_raw(raw);
         assert_eq!((joined.name.as_str(), joined.files.len()), ("s", 2));
         let facts: Vec<_> = joined.stimuli.iter().map(|s| (s.group.as_str(), s.material_type.as_deref())).collect();
         assert_eq!(facts, [("stones", Some("Dielectric")), ("gold", None)]);
+        let families: Vec<_> = joined.stimuli.iter().map(|s| s.method_family.as_str()).collect();
+        assert_eq!(families, ["microfacets", "SGD"]);
         assert!(matches!(joined.scores, Scores::Raw(r) if r.judgements.len() == 3));
     }
 }

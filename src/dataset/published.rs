@@ -103,12 +103,7 @@ pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinion
         scores: Scores::Means(means),
     };
     match rated.raw_ratings.as_ref().map(|layout| (data.join(&layout.file), layout)) {
-        Some((path, layout)) if path.is_file() => {
-            let mut opinions = opinions.with_raw(raw_ratings::load(&path, layout)?);
-            // Raw ratings name methods alone.
-            opinions.stimuli.iter_mut().for_each(|s| s.method_family = rated.family(&s.method));
-            Ok(opinions)
-        }
+        Some((path, layout)) if path.is_file() => Ok(opinions.with_raw(raw_ratings::load(&path, layout)?)),
         _ => Ok(opinions),
     }
 }

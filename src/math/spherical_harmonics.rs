@@ -21,16 +21,15 @@ pub fn energy_by_degree(
     degree: usize,
     value: impl Fn(usize, usize) -> f64 + Sync,
 ) -> Vec<f64> {
-    let waves: Vec<(f64, f64)> = (0..width).map(|x| (2.0 * PI * (x as f64 + 0.5) / width as f64).sin_cos()).collect();
     let edge = |row: usize| (row as f64 * PI / height as f64).cos();
     let solid_angle = |row: usize| (edge(row) - edge(row + 1)) * 2.0 * PI / width as f64;
     let of_order = |m: usize| -> Vec<f64> {
-        // cos and sin of m phi, by m-fold rotation of the first wave.
-        let turned: Vec<(f64, f64)> = waves.iter().map(|&(sin, cos)| (m as f64 * sin.atan2(cos)).sin_cos()).collect();
+        let phi = |column: usize| 2.0 * PI * (column as f64 + 0.5) / width as f64;
+        let waves: Vec<(f64, f64)> = (0..width).map(|column| (m as f64 * phi(column)).sin_cos()).collect();
         let mut coefficients = vec![[0.0; 2]; degree + 1 - m];
         for row in 0..height {
             let (mut odd, mut even) = (0.0, 0.0);
-            for (column, (sin, cos)) in turned.iter().enumerate() {
+            for (column, (sin, cos)) in waves.iter().enumerate() {
                 let f = value(column, row);
                 odd += f * sin;
                 even += f * cos;

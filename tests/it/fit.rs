@@ -326,11 +326,14 @@ fn samples_of_a_manifold_are_written_and_leave_their_reference() {
         let args = ["manifold", "--reference", "ward.json", "--reference", "ggx.json", "--out", "samples"];
         place.run(&[&args[..], more].concat())
     };
-    for kind in ["linear", "gplvm"] {
+    for (kind, stop) in [("linear", "direct"), ("gplvm", "converged")] {
         let output = manifold(&["--material", "ggx.json", "--kind", kind]);
         let said = String::from_utf8(output.stdout).expect("UTF-8");
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        assert!(said.starts_with("1 dimensions through 2 references\n"), "{said}");
+        assert!(
+            said.starts_with(&format!("dimensions: 1, references: 2, search for their points: {stop}\n")),
+            "{said}"
+        );
         assert_eq!(said.matches("  grows with every sample").count(), 2, "{said}");
     }
     // The table that was written has the distance that was reported.
@@ -344,6 +347,8 @@ fn samples_of_a_manifold_are_written_and_leave_their_reference() {
     let (a, b) =
         (compared["distances"]["D9.Cl"].as_f64().expect("a number"), last[2].parse::<f64>().expect("a number"));
     assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+    let text = String::from_utf8(manifold(&["--material", "ggx.json", "--dimension", "0"]).stderr).expect("UTF-8");
+    assert!(text.contains("allowed: an integer of at least 1"), "{text}");
     let text = String::from_utf8(manifold(&["--material", "teflon"]).stderr).expect("UTF-8");
     assert!(text.contains("--material: found teflon, allowed: ggx.json, ward.json"), "{text}");
 }

@@ -53,6 +53,24 @@ fn screening_rejects_exactly_who_did_not_look() {
 }
 
 #[test]
+fn of_several_fits_of_a_model_the_better_one_counts() {
+    let boxes = |title: &str| &RECORD.boxes.iter().find(|set| set.title == title).expect("box plots").boxes;
+    let mut best: BTreeMap<(&str, &str), f64> = BTreeMap::new();
+    let first = RECORD.illuminations.first();
+    for rated in RECORD.opinions.iter().filter(|o| o.stimulus.illumination.as_ref() == first) {
+        let of = best.entry((&rated.stimulus.method_family, &rated.stimulus.material)).or_default();
+        *of = of.max(rated.opinion.mos);
+    }
+    let models = boxes("By model, the better of several fits");
+    assert!(models.len() > 3 && models.len() < boxes("By method").len());
+    for model in models {
+        let expected: Vec<f64> =
+            best.iter().filter(|((family, _), _)| *family == model.levels[0]).map(|b| *b.1).collect();
+        assert!((model.mean - mean(&expected)).abs() < 1e-12, "{:?}", model.levels);
+    }
+}
+
+#[test]
 fn means_of_the_raw_ratings_are_those_of_the_study() {
     for ((o, pair), quality) in RECORD.opinions.iter().zip(&MADE.study.pairs).zip(&MADE.quality) {
         assert_eq!((&o.stimulus.material, &o.stimulus.method), (&pair.material, &pair.method));

@@ -135,7 +135,8 @@ pub fn compute<E: From<EvaluationError> + Send>(
     // The first reference tells whether the method covers any of the combinations at all.
     let (first, others) = by_reference.split_at(by_reference.len().min(1));
     found.extend(first.iter().map(of_reference).collect::<Result<Vec<_>, E>>()?.into_iter().flatten());
-    if found.values().all(|pair| pair.iter().any(Result::is_ok)) {
+    let covered = |index: &usize| found.get(index).is_some_and(|pair| pair.iter().any(Result::is_ok));
+    if first.iter().flatten().all(covered) {
         found.extend(others.par_iter().map(of_reference).collect::<Result<Vec<_>, E>>()?.into_iter().flatten());
     }
     let outcome =

@@ -20,7 +20,7 @@
 //! channels of a material are one point, and the prior as above.
 
 use super::super::FitError;
-use super::super::optimizer::{Limits, Method, Objective, minimise};
+use super::super::optimizer::{Limits, Method, Objective, StopReason, minimise};
 use super::ManifoldError;
 use super::linear::Linear;
 use crate::math::cholesky::Cholesky;
@@ -40,6 +40,7 @@ pub(super) struct Latent {
     coordinates: Array2<f64>,
     /// K^-1.
     inverse: Array2<f64>,
+    stop: StopReason,
 }
 
 impl Latent {
@@ -64,11 +65,15 @@ impl Latent {
         let coordinates = Array2::from_shape_fn((n, dimension), |(i, k)| found.x[i * dimension + k]);
         let factor = Cholesky::new(covariance(&found.x, dimension).view(), JITTER)
             .ok_or_else(|| failed("two references have the same point".to_owned()))?;
-        Ok(Self { coordinates, inverse: factor.inverse() })
+        Ok(Self { coordinates, inverse: factor.inverse(), stop: found.stop })
     }
 
     pub fn coordinates(&self) -> &Array2<f64> {
         &self.coordinates
+    }
+
+    pub fn stop(&self) -> StopReason {
+        self.stop
     }
 
     pub fn weights(&self, point: &[f64]) -> Array1<f64> {

@@ -14,6 +14,7 @@
 mod latent;
 mod linear;
 
+use super::optimizer::StopReason;
 use crate::brdf::{Brdf, Grid, TableError, TabulatedBrdf};
 use crate::math::seed;
 use latent::Latent;
@@ -136,6 +137,14 @@ impl Manifold {
     /// Number of coordinates.
     pub fn dimension(&self) -> usize {
         self.space.coordinates().ncols()
+    }
+
+    /// Why the search for latent variables ended; principal components are found directly.
+    pub fn stop(&self) -> StopReason {
+        match &self.space {
+            Space::Latent(latent) => latent.stop(),
+            Space::Linear(_) => StopReason::Direct,
+        }
     }
 
     /// r: the largest distance between two references.

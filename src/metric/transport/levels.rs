@@ -99,8 +99,7 @@ impl Levels {
     pub fn coarsen_back(&self, mut of_masses: Vec<Field>) -> Field {
         for level in (1..of_masses.len()).rev() {
             let of_coarse = std::mem::take(&mut of_masses[level]);
-            let (fine, coarse) = (self.level(level - 1), self.level(level));
-            self.ways[level - 1].coarsen_back(fine, coarse, &of_coarse, &mut of_masses[level - 1]);
+            self.ways[level - 1].coarsen_back(self.level(level), &of_coarse, &mut of_masses[level - 1]);
         }
         of_masses.swap_remove(0)
     }
@@ -153,9 +152,9 @@ impl Way {
     }
 
     /// Adds the derivative by way of the coarse masses to that with respect to the fine ones.
-    fn coarsen_back(&self, fine: &Measure, coarse: &Measure, of_coarse: &[Lanes], of_fine: &mut Field) {
+    fn coarsen_back(&self, coarse: &Measure, of_coarse: &[Lanes], of_fine: &mut Field) {
         let columns = coarse.values.len() * LANES;
-        let (of_linear, of_excess) = self.coarsen(fine, coarse.values.len()).pull_back(coarse, of_coarse);
+        let (of_linear, of_excess) = coarse.sharpen_back(of_coarse);
         let hats = self.hats.each_ref().map(Matrix::transposed);
         let [of_linear, of_excess] = [of_linear, of_excess].map(|array| multiply(hats.each_ref(), array, columns));
         let (of_linear, of_excess) = (of_linear.as_flattened(), of_excess.as_flattened());

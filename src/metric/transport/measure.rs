@@ -27,7 +27,7 @@ pub(super) const MOST_MARKED: f64 = (1u32 << 20) as f64;
 /// Nodes (base nodes times value nodes) of one measure: 32 MB of masses and of each potential.
 const MOST_NODES: usize = 1 << 22;
 /// The share of a node's mass that one neighbour may take; with two neighbours, some is left.
-pub(super) const LARGEST_SHARE: f64 = 0.49;
+const LARGEST_SHARE: f64 = 0.49;
 
 /// Masses on base nodes x value nodes.
 #[derive(Debug, Clone)]
@@ -37,6 +37,8 @@ pub(super) struct Measure {
     pub values: Vec<Lanes>,
     /// `mass[base * values.len() + entry][lane]`; they add up to 1.
     pub mass: Vec<Lanes>,
+    /// The masses before anti-diffusion, for derivatives.
+    pub linear: Splat,
 }
 
 impl Measure {
@@ -53,8 +55,8 @@ impl Measure {
 
     /// The measure of masses that were spread linearly.
     pub fn sharpened(lattice: Lattice, values: Vec<Lanes>, splat: Splat) -> Self {
-        let mut measure = Self { lattice, values, mass: splat.mass };
-        measure.sharpen(&splat.excess);
+        let mut measure = Self { lattice, values, mass: splat.mass.clone(), linear: splat };
+        measure.sharpen();
         measure
     }
 
@@ -73,11 +75,11 @@ impl Measure {
     }
 
     /// Anti-diffusion along the value axis.
-    fn sharpen(&mut self, excess: &[Lanes]) {
+    fn sharpen(&mut self) {
         let entries = self.values.len();
         let adjacent = self.adjacent();
         let mut taken = vec![0.0; entries * LANES];
-        for (mass, excess) in self.mass.chunks_exact_mut(entries).zip(excess.chunks_exact(entries)) {
+        for (mass, excess) in self.mass.chunks_exact_mut(entries).zip(self.linear.excess.chunks_exact(entries)) {
             let (mass, excess) = (mass.as_flattened_mut(), excess.as_flattened());
             for k in 1..mass.len() - 1 {
                 let both = adjacent[k - 1] && adjacent[k];
@@ -89,6 +91,30 @@ impl Measure {
                 mass[k + 1] -= taken[k];
             }
         }
+    }
+
+    /// The derivatives with respect to A and V, given that with respect to the masses. The transport of anti-diffusion passes
+    /// it on to whichever of the three limits binds.
+    pub fn sharpen_back(&self, of_mass: &[Lanes]) -> (Vec<f64>, Vec<f64>) {
+        let columns = self.values.len() * LANES;
+        let adjacent = self.adjacent();
+        let (mass, excess) = (self.linear.mass.as_flattened(), self.linear.excess.as_flattened());
+        let mut of_linear = of_mass.as_flattened().to_vec();
+        let mut of_excess = vec![0.0; of_linear.len()];
+        let of_mass = of_mass.as_flattened();
+        for row in (0..mass.len()).step_by(columns) {
+            for k in (1..columns - 1).filter(|&k| adjacent[k - 1] && adjacent[k]) {
+                let at = row + k;
+                let of_taken = 2.0 * of_mass[at] - of_mass[at - 1] - of_mass[at + 1];
+                let lower = if mass[at - 1] < mass[at + 1] { at - 1 } else { at + 1 };
+                if excess[at] <= LARGEST_SHARE * mass[lower] {
+                    of_excess[at] += of_taken;
+                } else {
+                    of_linear[lower] += LARGEST_SHARE * of_taken;
+                }
+            }
+        }
+        (of_linear, of_excess)
     }
 }
 

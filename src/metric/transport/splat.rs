@@ -5,10 +5,11 @@
 
 use super::elementary::{LANES, Lanes};
 use super::lattice::Lattice;
-use super::measure::{LARGEST_SHARE, MOST_MARKED, Measure};
+use super::measure::{MOST_MARKED, Measure};
 use std::ops::Range;
 
 /// The masses before anti-diffusion.
+#[derive(Debug, Clone)]
 pub(super) struct Splat {
     pub mass: Vec<Lanes>,
     /// V: half the variance that the linear splat added, in h^2.
@@ -142,29 +143,6 @@ impl Splat {
         };
         Self { mass: scaled(all.mass), excess: scaled(all.excess) }
     }
-
-    /// The derivatives with respect to the linear splat A and to V, given that with respect to the masses.
-    pub fn pull_back(&self, measure: &Measure, of_mass: &[Lanes]) -> (Vec<f64>, Vec<f64>) {
-        let columns = measure.values.len() * LANES;
-        let adjacent = measure.adjacent();
-        let (mass, excess) = (self.mass.as_flattened(), self.excess.as_flattened());
-        let mut of_linear = of_mass.as_flattened().to_vec();
-        let mut of_excess = vec![0.0; of_linear.len()];
-        let of_mass = of_mass.as_flattened();
-        for row in (0..mass.len()).step_by(columns) {
-            for k in (1..columns - 1).filter(|&k| adjacent[k - 1] && adjacent[k]) {
-                let at = row + k;
-                let of_taken = 2.0 * of_mass[at] - of_mass[at - 1] - of_mass[at + 1];
-                let lower = if mass[at - 1] < mass[at + 1] { at - 1 } else { at + 1 };
-                if excess[at] <= LARGEST_SHARE * mass[lower] {
-                    of_excess[at] += of_taken;
-                } else {
-                    of_linear[lower] += LARGEST_SHARE * of_taken;
-                }
-            }
-        }
-        (of_linear, of_excess)
-    }
 }
 
 /// Finds the column of a value node that is one.
@@ -205,17 +183,14 @@ pub(super) fn index(x: f64) -> usize {
 
 /// The derivative of a function of a measure with respect to the values of its cells.
 ///
-/// `of_mass`: its derivative with respect to the masses. The transport of anti-diffusion passes it on to whichever of the
-/// three limits binds. The derivative with respect to an invalid cell is 0.
+/// `of_mass`: its derivative with respect to the masses. The derivative with respect to an invalid cell is 0.
 pub(super) fn pull_back(
     measure: &Measure,
     cells: &[f64],
     valid: impl Fn(usize) -> bool,
     of_mass: &[Lanes],
 ) -> Vec<f64> {
-    let lattice = &measure.lattice;
-    let splat = Splat::new(lattice, &measure.values, cells, &valid);
-    let (of_linear, of_excess) = splat.pull_back(measure, of_mass);
+    let (of_linear, of_excess) = measure.sharpen_back(of_mass);
     over_cells(measure, cells, valid, |at, t| {
         of_linear[at + 1] - of_linear[at]
             + of_excess[at] * (2.0 - 6.0 * t + 3.0 * t * t) / 6.0

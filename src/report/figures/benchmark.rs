@@ -259,7 +259,7 @@ impl Picture for Bars {
                 }
                 let right = x.at(interval.high.max(value).max(0.0)) + 8.0;
                 canvas.words(
-                    &format!("{value:.0$}", digits.max(2) + usize::from(digits == 2)),
+                    &format!("{value:.0$}", digits + 1),
                     (right, middle),
                     bar.min(12.0) + 1.0,
                     Anchor::Left,

@@ -76,7 +76,9 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
     for (_, title, caption) in BOXES {
         if !drawn(title) {
             let why = match title {
-                "By model, the better of several fits" => "no model was fitted in several ways",
+                "By model, the better of several fits" | "By model and material type, the better of several fits" => {
+                    "no model was fitted in several ways, or not to materials of known type"
+                }
                 "By step along the manifold" => "no rated candidate is a manifold sample",
                 "By illumination and material type, of what was rated under both" => {
                     "nothing was rated under two illuminations"

@@ -13,7 +13,7 @@ pub use error::BrdfError;
 pub(crate) use error::shown;
 pub use grid::{Anchor, Grid, GridDirections};
 pub use interpolation::{ConversionLoss, on_grid};
-pub use source::{BrdfSource, ContentHash, OpenBrdf};
+pub use source::{BrdfSource, ContentHash, IdentifiedBrdf, OpenBrdf};
 pub use tabulated::{TableError, TabulatedBrdf};
 
 use crate::math::{Rgb, Vec3};

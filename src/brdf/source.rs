@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `alum-bronze.binary` | a MERL table |
 //! | `teflon.T.titopo`, `teflon.T.titopoh` | a Titopo table |
-//! | `merl_nbrdf.zip:teflon` | a network of an archive |
+//! | `merl_nbrdf.zip:teflon`, `BRDFDatabase.zip:teflon` | a network or a table of an archive |
 //! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
 //! | `npf.bin:teflon` | tabulated factors |
 //! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
@@ -12,13 +12,14 @@
 //! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
 //! parameters as another model of the same fields.
 
-use super::formats::{extension, fit, map, merl, model_json, nbrdf, npf, titopo};
+use super::formats::{archive, extension, fit, map, merl, model_json, nbrdf, npf, titopo};
 use super::models::NamedParameters;
 use super::{Brdf, BrdfError};
+use memmap2::Mmap;
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// What an error message lists as allowed.
 pub(super) const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, ARCHIVE.zip:MATERIAL, \
@@ -34,6 +35,18 @@ pub struct ContentHash(pub [u8; 32]);
 impl ContentHash {
     pub fn of(bytes: &[u8]) -> Self {
         Self(Sha256::digest(bytes).into())
+    }
+
+    /// From the 64 hexadecimal digits that it is shown as.
+    pub fn from_hex(text: &str) -> Option<Self> {
+        let (digits, rest) = text.as_bytes().as_chunks::<2>();
+        let digits: &[[u8; 2]; 32] = digits.try_into().ok().filter(|_| rest.is_empty())?;
+        let mut hash = [0; 32];
+        for (byte, pair) in hash.iter_mut().zip(digits) {
+            let digit = |digit: u8| char::from(digit).to_digit(16);
+            *byte = (16 * digit(pair[0])? + digit(pair[1])?) as u8;
+        }
+        Some(Self(hash))
     }
 }
 
@@ -58,6 +71,106 @@ impl fmt::Debug for OpenBrdf {
     }
 }
 
+/// A BRDF whose content is known and that is decoded when it is asked for: where a cache knows the content, a table of 35 MB
+/// is read and no more.
+pub struct IdentifiedBrdf {
+    /// The notation it was opened from.
+    pub notation: String,
+    pub content: ContentHash,
+    state: State,
+}
+
+enum State {
+    Open(Arc<dyn Brdf>),
+    Table { file: TableFile, decoded: OnceLock<Arc<dyn Brdf>> },
+}
+
+impl IdentifiedBrdf {
+    /// The BRDF; a table is decoded the first time.
+    ///
+    /// # Errors
+    /// A table with numbers that are none, or without a valid cell.
+    pub fn brdf(&self) -> Result<&dyn Brdf, BrdfError> {
+        match &self.state {
+            State::Open(brdf) => Ok(&**brdf),
+            State::Table { file, decoded } => Ok(match decoded.get() {
+                Some(brdf) => &**brdf,
+                None => {
+                    let brdf = file.decode()?;
+                    &**decoded.get_or_init(|| brdf)
+                }
+            }),
+        }
+    }
+}
+
+impl From<OpenBrdf> for IdentifiedBrdf {
+    fn from(open: OpenBrdf) -> Self {
+        Self { notation: open.notation, content: open.content, state: State::Open(open.brdf) }
+    }
+}
+
+/// The bytes of a file, or of a member of an archive, whose size and header are those of a table.
+struct TableFile {
+    kind: Kind,
+    /// For messages.
+    path: PathBuf,
+    bytes: TableBytes,
+}
+
+enum TableBytes {
+    Mapped(Mmap),
+    Unpacked(Vec<u8>),
+}
+
+impl TableFile {
+    fn open(kind: Kind, path: &Path) -> Result<Self, BrdfError> {
+        Self::new(kind, path.to_owned(), TableBytes::Mapped(map(path)?))
+    }
+
+    fn new(kind: Kind, path: PathBuf, bytes: TableBytes) -> Result<Self, BrdfError> {
+        let file = Self { kind, path, bytes };
+        // No hash of a file that is no table, which may be of any size.
+        if kind == Kind::Merl { merl::grid(&file.path, file.bytes()) } else { titopo::grid(&file.path, file.bytes()) }?;
+        Ok(file)
+    }
+
+    fn bytes(&self) -> &[u8] {
+        match &self.bytes {
+            TableBytes::Mapped(bytes) => bytes,
+            TableBytes::Unpacked(bytes) => bytes,
+        }
+    }
+
+    fn content(&self) -> ContentHash {
+        ContentHash::of(self.bytes())
+    }
+
+    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
+        let decode = if self.kind == Kind::Merl { merl::decode } else { titopo::decode };
+        Ok(Arc::new(decode(&self.path, self.bytes())?))
+    }
+}
+
+/// What an archive holds of a material.
+enum ArchiveMember {
+    Network(Vec<u8>),
+    Table(TableFile),
+}
+
+impl ArchiveMember {
+    fn read(path: &Path, material: &str) -> Result<Self, BrdfError> {
+        let archive::Member { name, bytes } = archive::member(path, material)?;
+        match Kind::of(&name) {
+            Some(kind @ (Kind::Merl | Kind::Titopo)) => {
+                let place = PathBuf::from(format!("{}:{name}", path.display()));
+                Ok(Self::Table(TableFile::new(kind, place, TableBytes::Unpacked(bytes))?))
+            }
+            _ => Ok(Self::Network(bytes)),
+        }
+    }
+}
+
 /// Where a BRDF comes from; nothing is read until it is opened.
 #[derive(Debug, Clone)]
 pub enum BrdfSource {
@@ -72,6 +185,14 @@ impl BrdfSource {
     pub fn parse(notation: &str) -> Result<Self, BrdfError> {
         Parsed::new(notation)?;
         Ok(Self::Notation(notation.to_owned()))
+    }
+
+    /// What it is called in tables and messages.
+    pub fn notation(&self) -> &str {
+        match self {
+            Self::Notation(notation) => notation,
+            Self::Generated(open) => &open.notation,
+        }
     }
 
     /// What tells one source from another without opening it.
@@ -92,13 +213,26 @@ impl BrdfSource {
             }
         }
     }
+
+    /// Reads what tells the BRDF from others, as [`BrdfSource::open`], and puts off decoding a table.
+    pub fn identify(&self, base: Option<&Path>) -> Result<IdentifiedBrdf, BrdfError> {
+        if let Self::Notation(notation) = self {
+            let parsed = Parsed::new(notation)?;
+            if let Some(file) = parsed.table(base)? {
+                let (notation, content) = (notation.clone(), file.content());
+                let state = State::Table { file, decoded: OnceLock::new() };
+                return Ok(IdentifiedBrdf { notation, content, state });
+            }
+        }
+        Ok(self.open(base)?.into())
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Merl,
     Titopo,
-    Networks,
+    Archive,
     Fits,
     Factors,
     Json,
@@ -109,7 +243,7 @@ impl Kind {
         Some(match extension(Path::new(path)).as_str() {
             "binary" => Self::Merl,
             "titopo" | "titopoh" => Self::Titopo,
-            "zip" => Self::Networks,
+            "zip" => Self::Archive,
             "fit" => Self::Fits,
             "bin" => Self::Factors,
             "json" => Self::Json,
@@ -118,7 +252,7 @@ impl Kind {
     }
 
     fn has_materials(self) -> bool {
-        matches!(self, Self::Networks | Self::Fits | Self::Factors)
+        matches!(self, Self::Archive | Self::Fits | Self::Factors)
     }
 
     fn has_parameters(self) -> bool {
@@ -165,23 +299,33 @@ impl<'a> Parsed<'a> {
         Ok(Self { notation, kind, path, material, overrides })
     }
 
+    /// The file or member of a table; `None` for what is none.
+    fn table(&self, base: Option<&Path>) -> Result<Option<TableFile>, BrdfError> {
+        Ok(match self.kind {
+            Kind::Merl | Kind::Titopo => Some(TableFile::open(self.kind, &find(self.path, base)?)?),
+            Kind::Archive => match ArchiveMember::read(&find(self.path, base)?, self.material)? {
+                ArchiveMember::Table(file) => Some(file),
+                ArchiveMember::Network(_) => None,
+            },
+            Kind::Fits | Kind::Factors | Kind::Json => None,
+        })
+    }
+
     fn open(&self, base: Option<&Path>) -> Result<(ContentHash, Arc<dyn Brdf>), BrdfError> {
         let path = &find(self.path, base)?;
         let material = self.material;
         Ok(match self.kind {
             Kind::Merl | Kind::Titopo => {
-                let bytes = map(path)?;
-                let merl = self.kind == Kind::Merl;
-                // No hash of a file that is no table, which may be of any size.
-                if merl { merl::grid(path, &bytes) } else { titopo::grid(path, &bytes) }?;
-                let decode = if merl { merl::decode } else { titopo::decode };
-                let (table, content) = rayon::join(|| decode(path, &bytes), || ContentHash::of(&bytes));
-                (content, Arc::new(table?))
+                let file = TableFile::open(self.kind, path)?;
+                let (brdf, content) = rayon::join(|| file.decode(), || file.content());
+                (content, brdf?)
             }
-            Kind::Networks => {
-                let bytes = nbrdf::member(path, material)?;
-                (ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?))
-            }
+            Kind::Archive => match ArchiveMember::read(path, material)? {
+                ArchiveMember::Network(bytes) => {
+                    (ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?))
+                }
+                ArchiveMember::Table(file) => (file.content(), file.decode()?),
+            },
             Kind::Factors => {
                 let row = npf::row(path, material)?;
                 (ContentHash::of(&row), Arc::new(npf::decode(path, material, &row)?))
@@ -233,6 +377,17 @@ fn find(path: &str, base: Option<&Path>) -> Result<PathBuf, BrdfError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_hash_is_read_as_it_is_shown() {
+        let hash = ContentHash::of(b"vernis");
+        let text = hash.to_string();
+        assert_eq!(ContentHash::from_hex(&text), Some(hash));
+        let cut = text.get(1..).expect("ASCII");
+        for wrong in ["", cut, &format!("{text}0"), &format!("g{cut}"), &format!("\u{e9}{}", &text[2..])] {
+            assert_eq!(ContentHash::from_hex(wrong), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn the_notation_is_taken_apart() {

@@ -67,7 +67,7 @@ pub struct LossesArgs {
     #[arg(long, value_name = "N", default_value_t = 5)]
     folds: usize,
     /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
     resamples: usize,
     /// Of the order of materials, folds, training and resamples.
     #[arg(long, default_value_t = 1)]

@@ -8,6 +8,8 @@ mod data;
 mod describe;
 #[cfg(feature = "train")]
 mod experiment;
+#[cfg(feature = "train")]
+mod extract;
 mod fit;
 mod manifold;
 mod metrics;
@@ -16,6 +18,8 @@ mod refit;
 mod report;
 mod score;
 mod study;
+#[cfg(feature = "train")]
+mod study_input;
 mod sweep;
 #[cfg(feature = "train")]
 mod train;
@@ -67,6 +71,12 @@ enum Command {
     /// Measure all metrics on a study under nested cross-validation, without exporting one.
     #[cfg(feature = "train")]
     Benchmark(train::BenchmarkArgs),
+    /// Compute all descriptors and distances of a study, or of a shard of it, into a Parquet file.
+    #[cfg(feature = "train")]
+    Extract(extract::ExtractArgs),
+    /// Join the Parquet files of all shards of a study.
+    #[cfg(feature = "train")]
+    Merge(extract::MergeArgs),
     /// Compare two BRDFs.
     Compare(compare::CompareArgs),
     /// Compare many pairs, from a CSV file to a CSV file.
@@ -154,6 +164,10 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Train(args) => train::train(&cli.shared, args),
         #[cfg(feature = "train")]
         Command::Benchmark(args) => train::benchmark(&cli.shared, args),
+        #[cfg(feature = "train")]
+        Command::Extract(args) => extract::extract(&cli.shared, args),
+        #[cfg(feature = "train")]
+        Command::Merge(args) => extract::merge(args),
         Command::Compare(args) => compare::run(&cli.shared, args),
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Sweep(args) => sweep::run(&cli.shared, args),

@@ -6,7 +6,6 @@ use crate::brdf::OpenBrdf;
 use crate::dataset::csv_study::{csv_error, line_of};
 use crate::descriptor::Progress;
 use crate::metric::registry::{Distance, distances};
-use crate::report::OutputFolder;
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -82,13 +81,7 @@ impl Pairs {
 pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     let metrics = workspace::metrics_on(&args.metrics, args.grid.as_deref())?;
     let pairs = Pairs::read(&args.pairs)?;
-    let name = args.out.file_name().and_then(|n| n.to_str());
-    let name = name.filter(|_| !args.out.is_dir());
-    let name = name.ok_or_else(|| {
-        user_error(format!("--out {}: found a folder or no name, allowed: the name of a file", args.out.display()))
-    })?;
-    let parent = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = OutputFolder::create(parent).map_err(user_error)?;
+    let (folder, name) = workspace::output_file(&args.out)?;
     let cache = workspace::cache(shared)?;
     workspace::prepare(&metrics, cache.as_ref());
 
@@ -111,7 +104,7 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
         bar.update("pairs", Progress { done: i + 1, total: pairs.rows.len() });
     }
     bar.finish();
-    folder.write(name, &to_csv(&pairs, &found)?)?;
+    folder.write(&name, &to_csv(&pairs, &found)?)?;
     print(format!("{} pairs, {} metrics: {}\n", pairs.rows.len(), metrics.len(), args.out.display()))
 }
 

@@ -3,7 +3,7 @@
 mod journal;
 
 use super::progress::Bar;
-use super::{Shared, print, user_error};
+use super::{Shared, print, user_error, workspace};
 use crate::dataset::Study;
 use crate::descriptor::Progress;
 use crate::evaluation::sweep::{
@@ -71,7 +71,7 @@ pub struct SweepArgs {
     #[arg(long, default_value_t = 10)]
     folds: usize,
     /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
     resamples: usize,
     /// Seed of splits and resamples.
     #[arg(long, default_value_t = 1)]

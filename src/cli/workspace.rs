@@ -3,9 +3,11 @@
 use super::{Shared, user_error};
 use crate::brdf::{BrdfSource, OpenBrdf};
 use crate::descriptor::{Cache, Setup};
+use crate::evaluation::bootstrap::MIN_RESAMPLES;
 use crate::metric::Metric;
 use crate::metric::learned::LearnedMetric;
 use crate::metric::registry::Registry;
+use crate::report::OutputFolder;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -89,6 +91,22 @@ pub fn prepare(metrics: &[Arc<dyn Metric>], cache: Option<&Cache>) {
     for setup in metrics.iter().filter_map(|m| m.as_learned()).map(LearnedMetric::setup) {
         warn(cache.and_then(|c| c.prepare(setup)));
     }
+}
+
+/// The folder and name of a file to write, given with --out: found unwritable before the work.
+pub fn output_file(path: &Path) -> Result<(OutputFolder, String)> {
+    let name = path.file_name().and_then(|n| n.to_str()).filter(|_| !path.is_dir());
+    let name = name.ok_or_else(|| {
+        user_error(format!("--out {}: found a folder or no name, allowed: the name of a file", path.display()))
+    })?;
+    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
+}
+
+/// Reads a number of bootstrap resamples.
+pub fn resamples(text: &str) -> Result<usize, String> {
+    let allowed = format!("allowed: an integer of at least {MIN_RESAMPLES}");
+    text.parse().ok().filter(|n| *n >= MIN_RESAMPLES).ok_or(allowed)
 }
 
 /// Says what could not be kept.

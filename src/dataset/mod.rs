@@ -4,15 +4,20 @@
 
 pub mod csv_study;
 mod error;
+#[cfg(feature = "train")]
+pub mod extracted;
 pub mod fetch;
 pub mod inventory;
 pub mod manifest;
 pub mod opinions;
+#[cfg(feature = "train")]
+mod parquet;
 mod published;
 mod ratings;
 pub mod raw_layout;
 pub mod raw_ratings;
 pub mod samples;
+pub mod shard;
 pub mod split;
 pub mod synthetic;
 pub mod verify;
@@ -135,6 +140,20 @@ impl Study {
     /// Names of the studies that need no file of the user's own.
     pub fn known() -> Vec<&'static str> {
         manifest::NAMES.iter().copied().chain([synthetic::NAME]).collect()
+    }
+
+    /// The pairs of every reference, by their places; references in the order of their first pair.
+    pub fn by_reference(&self) -> Vec<Vec<usize>> {
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for (place, pair) in self.pairs.iter().enumerate() {
+            let group = *known.entry(pair.reference.identity()).or_insert(groups.len());
+            match groups.get_mut(group) {
+                Some(places) => places.push(place),
+                None => groups.push(vec![place]),
+            }
+        }
+        groups
     }
 
     /// Number of groups of materials.

@@ -5,9 +5,11 @@ use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
 use super::opinions::{Scores, Stimulus, StudyOpinions};
 use super::ratings::{Rating, read_ratings, read_types};
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile, raw_ratings};
-use crate::brdf::formats::read_at_most;
+use crate::brdf::formats::{materials, read_at_most};
 use crate::brdf::{BrdfSource, ContentHash};
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Loads the rated pairs whose ratings and BRDFs are in `data`.
@@ -40,13 +42,13 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         mos: rating.mos,
         weight,
     };
-    let pairs: Vec<RatedPair> = ratings
-        .iter()
-        .filter_map(|r| match &manifest.rebuilt {
-            None => table_sources(rated, data, r).map(|sources| pair(r, sources, 1.0)),
-            Some(m) => rebuilt_sources(m, r).map(|sources| pair(r, sources, m.reliability.weight(&r.material))),
-        })
-        .collect();
+    let tables = Tables::new(data);
+    let found = |r: &Rating| match &manifest.rebuilt {
+        None => Ok(table_sources(rated, &tables, r)?.map(|sources| pair(r, sources, 1.0))),
+        Some(m) => Ok(rebuilt_sources(m, r).map(|sources| pair(r, sources, m.reliability.weight(&r.material)))),
+    };
+    let pairs: Vec<RatedPair> =
+        ratings.iter().filter_map(|r| found(r).transpose()).collect::<Result<_, DatasetError>>()?;
     if pairs.is_empty() {
         return Err(no_pairs(manifest, data, ratings.len()));
     }
@@ -134,16 +136,68 @@ fn read_pinned(study: &str, data: &Path, pinned: &PinnedFile) -> Result<(Vec<u8>
     Ok((bytes, StudyFile { name: pinned.path.clone(), content, as_published }))
 }
 
-/// The tables of a rated pair, when both are there: paths in the data folder.
-fn table_sources(m: &RatedManifest, data: &Path, rating: &Rating) -> Option<(String, String)> {
-    let letter = m.method(&rating.method)?.letter;
-    let exists = |path: &String| data.join(path).is_file();
-    let mut references = m.references.paths.iter().map(|p| p.replace("{material}", &rating.material));
-    let mut candidates = m.tables.folders.iter().flat_map(|folder| {
+/// What of a study's tables is in a data folder.
+struct Tables<'a> {
+    data: &'a Path,
+    /// The materials of archives that were looked into, by their paths; none where there is no archive.
+    archives: RefCell<BTreeMap<String, BTreeSet<String>>>,
+}
+
+impl<'a> Tables<'a> {
+    fn new(data: &'a Path) -> Self {
+        Self { data, archives: RefCell::default() }
+    }
+
+    /// Whether a file, or a member of an archive in the notation of sources, is there.
+    ///
+    /// # Errors
+    /// An archive that is there but cannot be read.
+    fn has(&self, source: &str) -> Result<bool, DatasetError> {
+        let Some((archive, material)) = source.split_once(".zip:") else {
+            return Ok(self.data.join(source).is_file());
+        };
+        let path = self.data.join(format!("{archive}.zip"));
+        let mut archives = self.archives.borrow_mut();
+        let known = match archives.entry(archive.to_owned()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) if path.is_file() => {
+                let found = materials(&path).map_err(|e| DatasetError::Content {
+                    place: self.data.display().to_string(),
+                    found: e.to_string(),
+                    allowed: "a whole archive, or none".to_owned(),
+                })?;
+                place.insert(found.into_iter().collect())
+            }
+            Entry::Vacant(place) => place.insert(BTreeSet::new()),
+        };
+        Ok(known.contains(material))
+    }
+
+    /// The first of `sources` that is there.
+    fn first(&self, sources: impl Iterator<Item = String>) -> Result<Option<String>, DatasetError> {
+        for source in sources {
+            if self.has(&source)? {
+                return Ok(Some(source));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The tables of a rated pair, when both are there: sources in the data folder.
+fn table_sources(
+    m: &RatedManifest,
+    tables: &Tables<'_>,
+    rating: &Rating,
+) -> Result<Option<(String, String)>, DatasetError> {
+    let Some(letter) = m.method(&rating.method).map(|method| &method.letter) else { return Ok(None) };
+    let references = m.references.paths.iter().map(|p| p.replace("{material}", &rating.material));
+    let candidates = m.tables.folders.iter().flat_map(|folder| {
         let tables = m.tables.extensions.iter();
         tables.map(move |e| format!("{folder}{}.{letter}.{e}", rating.material))
     });
-    Some((references.find(exists)?, candidates.find(exists)?))
+    let Some(reference) = tables.first(references)? else { return Ok(None) };
+    Ok(tables.first(candidates)?.map(|candidate| (reference, candidate)))
 }
 
 /// The sources that rebuild a rated pair, when the manifest says how: paths in the data folder.
@@ -194,6 +248,27 @@ mod tests {
         assert_eq!(candidate, "lavoue2021/tables/pink-fabric.A.titopo");
         // The manifest pins the published files, which these are not.
         assert!(study.files.iter().all(|f| f.as_published == Some(false)));
+    }
+
+    #[test]
+    fn references_are_found_in_the_archive_of_the_measured_materials() {
+        use zip::write::{SimpleFileOptions, ZipWriter};
+        let dir = folder();
+        fs::remove_dir_all(dir.path().join("merl")).unwrap();
+        fs::create_dir(dir.path().join("merl")).unwrap();
+        fs::write(dir.path().join("lavoue2021/tables/pink-fabric.A.titopo"), "").unwrap();
+        let archive = dir.path().join("merl/BRDFDatabase.zip");
+        let mut zip = ZipWriter::new(fs::File::create(&archive).unwrap());
+        zip.start_file("BRDFDatabase/brdfs/pink-fabric.binary", SimpleFileOptions::default()).unwrap();
+        zip.finish().unwrap();
+        let study = load_full(Some(dir.path())).unwrap();
+        assert_eq!(study.pairs.len(), 1);
+        assert_eq!(study.pairs[0].reference.notation(), "merl/BRDFDatabase.zip:pink-fabric");
+        // One that is cut off is not taken for one that is not there.
+        let bytes = fs::read(&archive).unwrap();
+        fs::write(&archive, &bytes[..bytes.len() / 2]).unwrap();
+        let message = load_full(Some(dir.path())).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(message.contains("BRDFDatabase.zip: not a valid archive") && message.contains("cut off"), "{message}");
     }
 
     #[test]

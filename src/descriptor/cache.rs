@@ -11,15 +11,20 @@ use super::node_table::{NODES, NodeTable};
 use super::operator::Operator;
 use super::setup::Operators;
 use super::{DescriptorError, Setup};
-use crate::brdf::{ContentHash, OpenBrdf};
+use crate::brdf::{ContentHash, IdentifiedBrdf};
 use sha2::{Digest, Sha256};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 use thiserror::Error;
 
 const MAGIC: &[u8; 8] = b"VERNISC1";
 const HASH: usize = 32;
+/// Extension of files that are being written.
+const TEMPORARY: &str = "tmp";
+/// Nobody writes half a megabyte for longer than this.
+const LONGEST_WRITE: Duration = Duration::from_secs(3600);
 
 /// A result that could be computed but not kept.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -40,7 +45,21 @@ impl Cache {
     pub fn open(folder: &Path) -> Result<Self, DescriptorError> {
         std::fs::create_dir_all(folder)
             .map_err(|e| DescriptorError::CacheFolder { path: folder.to_owned(), reason: e.to_string() })?;
-        Ok(Self { folder: folder.to_owned() })
+        let cache = Self { folder: folder.to_owned() };
+        cache.sweep_up();
+        Ok(cache)
+    }
+
+    /// Removes what runs that were killed have left half-written.
+    fn sweep_up(&self) {
+        for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            let temporary = entry.path().extension().is_some_and(|e| e == TEMPORARY);
+            let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|at| at.elapsed().ok());
+            if temporary && age.is_some_and(|age| age > LONGEST_WRITE) {
+                // If it cannot be removed now, the next run tries.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
     }
 
     /// Where the features of a BRDF are kept.
@@ -63,14 +82,14 @@ impl Cache {
     /// The features of a BRDF: from the cache, or computed and kept.
     pub fn features(
         &self,
-        brdf: &OpenBrdf,
+        brdf: &IdentifiedBrdf,
         setup: &Setup,
     ) -> Result<(BrdfFeatures, Option<CacheWarning>), DescriptorError> {
         if let Some(features) = self.load(brdf.content, setup) {
             return Ok((features, None));
         }
         let warning = self.prepare(setup);
-        let features = BrdfFeatures::compute(brdf.brdf.as_ref(), setup)?;
+        let features = BrdfFeatures::compute(brdf.brdf()?, setup)?;
         let warning = self.store(brdf.content, &features, setup).err().or(warning);
         Ok((features, warning))
     }
@@ -129,7 +148,7 @@ impl Cache {
         let hash: [u8; HASH] = Sha256::digest(&bytes).into();
         bytes.extend(hash);
         let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
-        let temporary = self.folder.join(format!(".{}-{unique}.tmp", std::process::id()));
+        let temporary = self.folder.join(format!(".{}-{unique}.{TEMPORARY}", std::process::id()));
         let written = std::fs::File::create(&temporary)
             .and_then(|mut file| file.write_all(&bytes))
             .and_then(|()| std::fs::rename(&temporary, &path));

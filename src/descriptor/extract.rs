@@ -4,7 +4,7 @@ use super::cache::{Cache, CacheWarning};
 use super::features::BrdfFeatures;
 use super::set::DescriptorSet;
 use super::{DescriptorError, Setup};
-use crate::brdf::BrdfSource;
+use crate::brdf::{BrdfSource, IdentifiedBrdf};
 use ndarray::Array2;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -84,11 +84,26 @@ impl Extractor<'_> {
     }
 
     fn features(&self, source: &BrdfSource) -> Result<(BrdfFeatures, Option<CacheWarning>), DescriptorError> {
-        let open = source.open(self.base)?;
-        let named = |cause| DescriptorError::Source { notation: open.notation.clone(), cause: Box::new(cause) };
-        match self.cache {
-            Some(cache) => cache.features(&open, self.setup).map_err(named),
-            None => Ok((BrdfFeatures::compute(open.brdf.as_ref(), self.setup).map_err(named)?, None)),
-        }
+        features(&source.identify(self.base)?, self.setup, self.cache)
     }
+}
+
+/// The features of a BRDF, through the cache where there is one.
+///
+/// # Errors
+/// A BRDF that cannot be decoded or evaluated, with its notation.
+pub fn features(
+    brdf: &IdentifiedBrdf,
+    setup: &Setup,
+    cache: Option<&Cache>,
+) -> Result<(BrdfFeatures, Option<CacheWarning>), DescriptorError> {
+    let computed = match cache {
+        Some(cache) => cache.features(brdf, setup),
+        None => brdf.brdf().map_err(DescriptorError::from).and_then(|b| Ok((BrdfFeatures::compute(b, setup)?, None))),
+    };
+    computed.map_err(|cause| match cause {
+        // These name the file.
+        DescriptorError::Open(_) => cause,
+        cause => DescriptorError::Source { notation: brdf.notation.clone(), cause: Box::new(cause) },
+    })
 }

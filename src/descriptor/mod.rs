@@ -22,7 +22,7 @@ pub mod wasserstein;
 
 pub use cache::{Cache, CacheWarning};
 pub use embedding::Embedding;
-pub use extract::{Extraction, Extractor, Progress};
+pub use extract::{Extraction, Extractor, Progress, features};
 pub use features::BrdfFeatures;
 pub use node_table::NodeTable;
 pub use set::{Description, DescriptorSet, Family};

@@ -5,13 +5,14 @@
 
 use super::TrainError;
 use super::embedding::PrincipalComponents;
+use super::matrix::NodeTables;
 use super::neural::{Autoencoder, LEAK};
 use crate::brdf::BrdfSource;
 use crate::dataset::Study;
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
 use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
 use crate::descriptor::embedding::{EmbeddingParts, LogSpace, log_map};
-use crate::descriptor::{BrdfFeatures, Cache, DescriptorError, Embedding, NodeTable, Setup};
+use crate::descriptor::{Cache, DescriptorError, Embedding, NodeTable, Setup, features};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -87,33 +88,27 @@ pub struct TableBank {
 }
 
 impl TableBank {
-    /// Samples every BRDF of `study`, and those of `others`, through the cache.
-    pub fn gather(
+    /// Those of `study`, and those of `others`, which are sampled through the cache.
+    pub fn new(
         study: &Study,
+        tables: NodeTables,
         others: &[BrdfSource],
         base: Option<&Path>,
         cache: Option<&Cache>,
         setup: &Setup,
     ) -> Result<Self, DescriptorError> {
-        let table = |source: &BrdfSource| -> Result<NodeTable, DescriptorError> {
-            let open = source.open(base)?;
-            let features = match cache {
-                Some(cache) => cache.features(&open, setup)?.0,
-                None => BrdfFeatures::compute(open.brdf.as_ref(), setup)?,
-            };
-            Ok(features.table().clone())
+        let group_of: BTreeMap<&str, &str> =
+            study.pairs.iter().map(|p| (p.material.as_str(), p.group.as_str())).collect();
+        let grouped = |(material, table): (String, NodeTable)| {
+            let group = group_of.get(material.as_str()).map_or_else(|| material.clone(), |g| (*g).to_owned());
+            (material, (group, table))
         };
-        let mut first_of: BTreeMap<&str, &crate::dataset::RatedPair> = BTreeMap::new();
-        for pair in &study.pairs {
-            first_of.entry(&pair.material).or_insert(pair);
-        }
-        let references = first_of
-            .into_par_iter()
-            .map(|(m, p)| Ok((m.to_owned(), (p.group.clone(), table(&p.reference)?))))
-            .collect::<Result<BTreeMap<_, _>, DescriptorError>>()?;
-        let candidates = study.pairs.par_iter().map(|p| table(&p.candidate)).collect::<Result<_, _>>()?;
+        let table = |source: &BrdfSource| -> Result<NodeTable, DescriptorError> {
+            Ok(features(&source.identify(base)?, setup, cache)?.0.table().clone())
+        };
+        let references = tables.references.into_iter().map(grouped).collect();
         let others = others.par_iter().map(table).collect::<Result<_, _>>()?;
-        Ok(Self { references, candidates, others })
+        Ok(Self { references, candidates: tables.candidates, others })
     }
 
     /// `samples` with columns of an embedding learned without the references of the groups in `held`.

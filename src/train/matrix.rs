@@ -1,17 +1,21 @@
 //! A study becomes a matrix: one row a rated pair, one column a descriptor or a classical distance.
 //!
-//! Descriptors come from [`crate::descriptor::Extractor`], the Lp distances from one pass over each pair of tables; both
-//! are cached by the content of the BRDFs. Memory: at most 93 MB a worker thread, 400 kB a BRDF.
+//! The pairs of one reference are done together by one worker, which reads the reference once and one candidate after the
+//! other. Everything is cached by the content of the BRDFs: an interrupted run loses the pair in hand, and a table that the
+//! cache knows is read, for its content, but not decoded. Memory: at most a reference and a candidate a worker thread, 250 MB
+//! where they are tables, and 2 kB a pair.
 
 use super::graph_distances::{self, GraphDistances};
-use crate::brdf::{BrdfError, BrdfSource, OpenBrdf};
-use crate::dataset::Study;
+use super::workers::in_order;
+use crate::brdf::{BrdfError, ContentHash, IdentifiedBrdf};
 use crate::dataset::samples::{Column, Role, Samples, SamplesError};
-use crate::descriptor::{Cache, CacheWarning, DescriptorError, DescriptorSet, Extractor, Progress, Setup};
+use crate::dataset::{RatedPair, Study};
+use crate::descriptor::{
+    Cache, CacheWarning, DescriptorError, DescriptorSet, NodeTable, Progress, Setup, features as features_of,
+};
 use crate::metric::lp::{LpDistances, LpReference, LpVariant};
 use crate::metric::{Metric, MetricError};
-use ndarray::{Array2, Axis, concatenate};
-use rayon::prelude::*;
+use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -31,12 +35,10 @@ pub enum MatrixError {
     #[error(transparent)]
     Open(#[from] BrdfError),
     #[error("{reference} against {candidate}: {source}")]
-    Lp { reference: String, candidate: String, source: Box<MetricError> },
-    #[error("{reference} against {candidate}: {source}")]
-    Graph { reference: String, candidate: String, source: Box<MetricError> },
+    Distance { reference: String, candidate: String, source: Box<MetricError> },
     #[error(transparent)]
     Samples(#[from] SamplesError),
-    #[error("the distances of {found} pairs were computed, expected {expected}")]
+    #[error("{found} numbers were computed, expected {expected}")]
     Incomplete { found: usize, expected: usize },
 }
 
@@ -49,111 +51,154 @@ pub struct MatrixBuilder<'a> {
     /// Folder that relative sources are looked up in.
     pub base: Option<&'a Path>,
     pub cache: Option<&'a Cache>,
-    /// Called from any thread: the name of the stage and how far it is.
-    pub progress: &'a (dyn Fn(&'static str, Progress) + Sync),
+    /// Called from any thread each time a pair is done.
+    pub progress: &'a (dyn Fn(Progress) + Sync),
 }
-
-/// Place of a pair in its study, its Lp distances, and what of them could not be kept.
-type LpRow = (usize, Vec<f64>, Option<CacheWarning>);
 
 /// A study as numbers.
 #[derive(Debug, Clone)]
 pub struct StudyMatrix {
     /// The columns of the descriptor set, then one a Lp variant of the study, then one a metric on graphs.
     pub samples: Samples,
+    /// Of reference and candidate of every pair.
+    pub contents: Vec<[ContentHash; 2]>,
+    pub tables: NodeTables,
     /// What could not be kept for the next run.
     pub warnings: Vec<CacheWarning>,
+}
+
+/// What embeddings are learned from: 50 kB a BRDF.
+#[derive(Debug, Clone)]
+pub struct NodeTables {
+    /// By material, that of its first pair.
+    pub references: BTreeMap<String, NodeTable>,
+    /// By row.
+    pub candidates: Vec<NodeTable>,
+}
+
+/// What a pair gave.
+struct PairRow {
+    values: Vec<f64>,
+    swapped: Vec<f64>,
+    contents: [ContentHash; 2],
+    candidate: NodeTable,
+    warnings: Vec<CacheWarning>,
+}
+
+/// What the pairs of a reference gave, in their order.
+struct ReferenceRows {
+    reference: NodeTable,
+    warning: Option<CacheWarning>,
+    rows: Vec<PairRow>,
+}
+
+/// Versions of the distances that stand beside the descriptors.
+pub fn distance_versions() -> String {
+    format!("lp {LP_VERSION}, graphs {}", graph_distances::VERSION)
 }
 
 impl MatrixBuilder<'_> {
     /// Descriptors and the 36 Lp distances of every pair of `study`, in the order of its pairs; the same for any number
     /// of threads.
+    ///
+    /// # Errors
+    /// Of the references in the order of their first pair, the first that cannot be read, or compared with a candidate. What was
+    /// computed by then stays in the cache.
     pub fn build(&self, study: &Study) -> Result<StudyMatrix, MatrixError> {
-        let pairs: Vec<(BrdfSource, BrdfSource)> =
-            study.pairs.iter().map(|p| (p.reference.clone(), p.candidate.clone())).collect();
-        let progress = |p: Progress| (self.progress)("descriptors", p);
-        let extractor =
-            Extractor { set: self.set, setup: self.setup, base: self.base, cache: self.cache, progress: &progress };
-        let extraction = extractor.extract(&pairs)?;
-        let mut warnings = extraction.warnings;
-        let (lp, lp_warnings) = self.lp_distances(&pairs)?;
-        warnings.extend(lp_warnings);
-        let mut columns = self.set.columns();
-        columns.extend(LpVariant::of_study().map(|v| Column {
-            name: v.to_string(),
-            family: LP_FAMILY.to_owned(),
-            role: Role::Difference,
-        }));
-        let progress = |p: Progress| (self.progress)("transport and energy", p);
-        let distances =
-            GraphDistances { metrics: self.graphs, base: self.base, cache: self.cache, progress: &progress };
-        let (graphs, graph_warnings) = distances.compute(&pairs)?;
-        warnings.extend(graph_warnings);
-        columns.extend(graph_distances::columns(self.graphs));
-        // These distances are the same either way.
-        let beside_distances = |values: &Array2<f64>| {
-            concatenate(Axis(1), &[values.view(), lp.view(), graphs.view()])
-                .map_err(|_| MatrixError::Incomplete { found: lp.nrows(), expected: pairs.len() })
-        };
-        let rows = study.pairs.iter().map(|p| p.row()).collect();
-        let samples = Samples::new(columns, rows, beside_distances(&extraction.values)?)?;
-        Ok(StudyMatrix { samples: samples.with_swapped(beside_distances(&extraction.swapped)?)?, warnings })
-    }
-
-    /// Pairs x the 36 variants. Pairs of one reference are done together, so that it is evaluated once.
-    fn lp_distances(
-        &self,
-        pairs: &[(BrdfSource, BrdfSource)],
-    ) -> Result<(Array2<f64>, Vec<CacheWarning>), MatrixError> {
-        let mut by_reference: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-        pairs.iter().enumerate().for_each(|(i, (r, _))| by_reference.entry(r.identity()).or_default().push(i));
-        let (done, total) = (AtomicUsize::new(0), pairs.len());
-        let of_group = |indices: &Vec<usize>| -> Result<Vec<LpRow>, MatrixError> {
-            let Some(&first) = indices.first() else { return Ok(Vec::new()) };
-            let reference = pairs[first].0.open(self.base)?;
-            let mut evaluated = None;
-            let mut found = Vec::with_capacity(indices.len());
-            for &i in indices {
-                let candidate = pairs[i].1.open(self.base)?;
-                let (values, warning) = self.lp_of_pair(&reference, &candidate, &mut evaluated)?;
-                found.push((i, values, warning));
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                (self.progress)("Lp distances", Progress { done, total });
-            }
-            Ok(found)
-        };
-        let groups: Vec<&Vec<usize>> = by_reference.values().collect();
-        let found: Vec<_> = groups.into_par_iter().map(of_group).collect::<Result<Vec<_>, _>>()?;
-        let mut values = Array2::zeros((pairs.len(), LpVariant::of_study().count()));
+        let groups = study.by_reference();
+        let (done, total) = (AtomicUsize::new(0), study.pairs.len());
+        let step = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        let found = in_order(groups.len(), |group| self.of_reference(study, &groups[group], &step))?;
+        let mut references = BTreeMap::new();
         let mut warnings = Vec::new();
-        for (i, row, warning) in found.into_iter().flatten() {
-            values.row_mut(i).iter_mut().zip(row).for_each(|(to, from)| *to = from);
-            warnings.extend(warning);
+        let mut rows: BTreeMap<usize, PairRow> = BTreeMap::new();
+        for (indices, of_reference) in groups.iter().zip(found) {
+            for &index in indices {
+                let material = &study.pairs[index].material;
+                references.entry(material.clone()).or_insert_with(|| of_reference.reference.clone());
+            }
+            warnings.extend(of_reference.warning);
+            rows.extend(indices.iter().copied().zip(of_reference.rows));
         }
-        Ok((values, warnings))
+        let mut columns = self.set.columns();
+        let of_family = |name: String| Column { name, family: LP_FAMILY.to_owned(), role: Role::Difference };
+        columns.extend(LpVariant::of_study().map(|variant| of_family(variant.to_string())));
+        columns.extend(graph_distances::columns(self.graphs));
+        let (mut values, mut swapped, mut contents, mut candidates) = (vec![], vec![], vec![], vec![]);
+        for row in rows.into_values() {
+            values.extend(row.values);
+            swapped.extend(row.swapped);
+            contents.push(row.contents);
+            candidates.push(row.candidate);
+            warnings.extend(row.warnings);
+        }
+        let shape = (total, columns.len());
+        let matrix = |numbers: Vec<f64>| {
+            let found = numbers.len();
+            Array2::from_shape_vec(shape, numbers)
+                .map_err(|_| MatrixError::Incomplete { found, expected: shape.0 * shape.1 })
+        };
+        let samples = Samples::new(columns, study.pairs.iter().map(RatedPair::row).collect(), matrix(values)?)?;
+        let samples = samples.with_swapped(matrix(swapped)?)?;
+        Ok(StudyMatrix { samples, contents, tables: NodeTables { references, candidates }, warnings })
     }
 
-    fn lp_of_pair(
-        &self,
-        reference: &OpenBrdf,
-        candidate: &OpenBrdf,
-        evaluated: &mut Option<LpReference>,
-    ) -> Result<(Vec<f64>, Option<CacheWarning>), MatrixError> {
-        let key = format!("lp {LP_VERSION} {} {}", reference.content, candidate.content);
-        if let Some(kept) = self.cache.and_then(|c| c.load_values(&key)) {
-            return Ok((kept, None));
+    fn of_reference(&self, study: &Study, indices: &[usize], step: &dyn Fn()) -> Result<ReferenceRows, MatrixError> {
+        let first = indices.first().and_then(|&index| study.pairs.get(index));
+        let pair = first.ok_or(MatrixError::Incomplete { found: 0, expected: 1 })?;
+        let reference = pair.reference.identify(self.base)?;
+        let (features, warning) = features_of(&reference, self.setup, self.cache)?;
+        let mut lp = LpColumns { reference: &reference, cache: self.cache, evaluated: None };
+        let mut graphs = GraphDistances::new(self.graphs, &reference, self.cache);
+        let mut rows = Vec::with_capacity(indices.len());
+        for &index in indices {
+            let candidate = study.pairs[index].candidate.identify(self.base)?;
+            let (of_candidate, warning) = features_of(&candidate, self.setup, self.cache)?;
+            let mut warnings: Vec<CacheWarning> = warning.into_iter().collect();
+            let mut values = self.set.compare(&features, &of_candidate, self.setup);
+            let mut swapped = self.set.compare(&of_candidate, &features, self.setup);
+            // These distances are the same either way.
+            let mut distances = lp.of(&candidate, &mut warnings)?;
+            distances.extend(graphs.of(&candidate, &mut warnings)?);
+            swapped.extend(&distances);
+            values.extend(distances);
+            let contents = [reference.content, candidate.content];
+            rows.push(PairRow { values, swapped, contents, candidate: of_candidate.table().clone(), warnings });
+            step();
         }
-        let failed = |source| {
-            let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
-            MatrixError::Lp { reference, candidate, source: Box::new(source) }
-        };
-        let prepared = match evaluated {
+        Ok(ReferenceRows { reference: features.table().clone(), warning, rows })
+    }
+}
+
+/// The 36 Lp distances from one reference, which is evaluated once, and only where the cache lacks a pair.
+struct LpColumns<'a> {
+    reference: &'a IdentifiedBrdf,
+    cache: Option<&'a Cache>,
+    evaluated: Option<LpReference>,
+}
+
+impl LpColumns<'_> {
+    fn of(&mut self, candidate: &IdentifiedBrdf, warnings: &mut Vec<CacheWarning>) -> Result<Vec<f64>, MatrixError> {
+        let key = format!("lp {LP_VERSION} {} {}", self.reference.content, candidate.content);
+        if let Some(kept) = self.cache.and_then(|c| c.load_values(&key)) {
+            return Ok(kept);
+        }
+        let reference = self.reference;
+        let failed = |source| MatrixError::distance(reference, candidate, source);
+        let prepared = match &mut self.evaluated {
             Some(prepared) => prepared,
-            None => evaluated.insert(LpReference::new(reference.brdf.as_ref()).map_err(failed)?),
+            none => none.insert(LpReference::new(reference.brdf()?).map_err(failed)?),
         };
-        let distances = LpDistances::of_study_from(prepared, candidate.brdf.as_ref()).map_err(failed)?;
+        let distances = LpDistances::of_study_from(prepared, candidate.brdf()?).map_err(failed)?;
         let values: Vec<f64> = distances.of_study().map(|(_, value)| value).collect();
-        let warning = self.cache.and_then(|c| c.store_values(&key, &values).err());
-        Ok((values, warning))
+        warnings.extend(self.cache.and_then(|c| c.store_values(&key, &values).err()));
+        Ok(values)
+    }
+}
+
+impl MatrixError {
+    pub(super) fn distance(reference: &IdentifiedBrdf, candidate: &IdentifiedBrdf, source: MetricError) -> Self {
+        let (reference, candidate) = (reference.notation.clone(), candidate.notation.clone());
+        Self::Distance { reference, candidate, source: Box::new(source) }
     }
 }

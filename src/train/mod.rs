@@ -25,6 +25,7 @@ mod standardize;
 #[cfg(feature = "train")]
 pub mod svr;
 pub mod trivial;
+mod workers;
 
 use crate::dataset::split::{SplitError, TrainingSet};
 use crate::math::logistic::LogisticError;

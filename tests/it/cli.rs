@@ -213,7 +213,7 @@ fn every_subcommand_explains_itself() {
     let place = Place::new();
     let mut commands = vec!["compare", "score", "metrics", "describe", "study", "data"];
     if cfg!(feature = "train") {
-        commands.extend(["train", "benchmark"]);
+        commands.extend(["train", "benchmark", "extract", "merge"]);
     }
     let overview = place.output(&["--help"]);
     for command in commands {

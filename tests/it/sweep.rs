@@ -1,5 +1,6 @@
 //! The sweep over the parameters of the study's distances: sharing, records, interruption, wrong input.
 
+use crate::files_of;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -151,18 +152,6 @@ fn sweep(folder: &Path, out: &str) -> Command {
     command
 }
 
-/// The files of a folder that end in `ending`, and when each was written.
-fn files(folder: &Path, ending: &str) -> BTreeMap<String, SystemTime> {
-    let Ok(entries) = fs::read_dir(folder) else { return BTreeMap::new() };
-    let entry = |entry: fs::DirEntry| {
-        let name = entry.file_name().into_string().ok()?;
-        // A file may be renamed while we look.
-        let time = entry.metadata().ok()?.modified().ok()?;
-        (name.ends_with(ending) && !name.starts_with('.')).then_some((name, time))
-    };
-    entries.filter_map(|e| entry(e.ok()?)).collect()
-}
-
 #[test]
 fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
     let place = tempfile::tempdir().unwrap();
@@ -171,9 +160,9 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
     // In the second group, with some pairs in its journal.
     let started = SystemTime::now();
     let in_second_group = || {
-        let journals = files(&combinations, ".journal");
+        let journals = files_of(&combinations, ".journal");
         let lines = |name: &String| fs::read_to_string(combinations.join(name)).unwrap_or_default().lines().count();
-        files(&combinations, ".json").len() >= 2 && journals.keys().any(|name| lines(name) > 20)
+        files_of(&combinations, ".json").len() >= 2 && journals.keys().any(|name| lines(name) > 20)
     };
     while !in_second_group() {
         assert!(killed.try_wait().unwrap().is_none(), "it ended before it could be killed");
@@ -182,7 +171,7 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
     }
     killed.kill().unwrap();
     killed.wait().unwrap();
-    let before = files(&combinations, ".json");
+    let before = files_of(&combinations, ".json");
     assert!((2..6).contains(&before.len()), "{before:?}");
     for name in before.keys() {
         let bytes = fs::read(combinations.join(name)).unwrap();
@@ -190,7 +179,7 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
     }
     // What was there can be reported, and is not made again; the rest comes to what an undisturbed sweep finds.
     assert!(sweep(place.path(), "killed").arg("--report").status().unwrap().success());
-    assert_eq!(files(&combinations, ".json"), before);
+    assert_eq!(files_of(&combinations, ".json"), before);
     let said = fs::read_to_string(place.path().join("killed/sweep.md")).unwrap();
     assert!(
         said.contains(&format!("\n{} of the 6 combinations", before.len())) && said.contains("Not all are computed"),
@@ -201,9 +190,9 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
         "{said}"
     );
     assert!(sweep(place.path(), "killed").status().unwrap().success());
-    let after = files(&combinations, ".json");
+    let after = files_of(&combinations, ".json");
     assert!(after.len() == 6 && before.iter().all(|(name, time)| after.get(name) == Some(time)), "{after:?}");
-    assert_eq!(files(&combinations, ".journal"), BTreeMap::new());
+    assert_eq!(files_of(&combinations, ".journal"), BTreeMap::new());
     assert!(sweep(place.path(), "whole").status().unwrap().success());
     let read = |folder: &str| fs::read(place.path().join(folder).join("sweep.csv")).unwrap();
     assert!(read("killed") == read("whole"));

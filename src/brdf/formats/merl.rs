@@ -20,6 +20,8 @@ pub const SCALE: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 pub const CHANNEL_FACTORS: [f64; 3] = [1.0, 1.15, 1.66];
 
 const HEADER: usize = 12;
+/// The larger of the two sizes.
+pub(super) const MOST_BYTES: u64 = HEADER as u64 + 3 * 8 * 90 * 90 * 360;
 /// The mark of a missing measurement in fresh files.
 const MISSING: f64 = -1.0;
 

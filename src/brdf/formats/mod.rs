@@ -1,5 +1,6 @@
 //! Files that hold reflectance functions, one file format each.
 
+pub mod archive;
 pub mod fit;
 pub mod merl;
 pub mod model_json;
@@ -13,10 +14,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
-/// The materials that an archive of networks (`.zip`), a file of fits (`.fit`) or a factor file (`.bin`) holds, sorted.
+/// The materials that an archive (`.zip`), a file of fits (`.fit`) or a factor file (`.bin`) holds, sorted.
 pub fn materials(path: &Path) -> Result<Vec<String>, BrdfError> {
     let mut names = match extension(path).as_str() {
-        "zip" => nbrdf::materials(path)?,
+        "zip" => archive::materials(path)?,
         "fit" => fit::materials(path)?,
         "bin" => npf::materials(path)?,
         other => {

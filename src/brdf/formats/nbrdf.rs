@@ -10,22 +10,17 @@
 //! compiler vectorises over them; every pair sees the same operations in the same order on every path, so that
 //! neither the batch nor the instruction set changes a result.
 
-use super::map;
-use crate::brdf::error::nearest;
+use super::archive;
 use crate::brdf::{Brdf, BrdfError};
 use crate::math::coordinates::half_and_difference_vectors;
 use crate::math::{Rgb, Vec3};
-use std::io::{Cursor, Read};
 use std::path::Path;
-use zip::ZipArchive;
 
 const INPUTS: usize = 6;
 const HIDDEN: usize = 21;
 const LANES: usize = 32;
 /// A network has 19 kB.
-const MOST_BYTES: u64 = 1 << 20;
-/// The published archive of 100 networks has half a megabyte.
-const MOST_ARCHIVE_BYTES: usize = 1 << 30;
+pub(super) const MOST_BYTES: u64 = 1 << 20;
 
 /// A material's network.
 #[derive(Debug, Clone)]
@@ -154,66 +149,16 @@ impl Brdf for Nbrdf {
     }
 }
 
-/// The materials whose network the archive holds, in the order of the archive.
-pub fn materials(path: &Path) -> Result<Vec<String>, BrdfError> {
-    let map = map(path)?;
-    let archive = open(path, &map)?;
-    Ok(archive.file_names().filter_map(material_of).map(str::to_owned).collect())
-}
-
-/// The bytes of a material's HDF5 file inside the archive at `path`.
-pub fn member(path: &Path, material: &str) -> Result<Vec<u8>, BrdfError> {
-    let map = map(path)?;
-    let mut archive = open(path, &map)?;
-    let mut members = archive.file_names().filter(|n| material_of(n) == Some(material)).map(str::to_owned);
-    let (name, second) = (members.next(), members.next());
-    drop(members);
-    if let (Some(first), Some(second)) = (&name, second) {
-        return Err(malformed(path, format!("{first} and {second} are both of {material}; allowed: one member")));
-    }
-    let Some(name) = name else {
-        return Err(BrdfError::UnknownMaterial {
-            path: path.to_owned(),
-            found: material.to_owned(),
-            nearest: nearest(material, archive.file_names().filter_map(material_of)),
-        });
-    };
-    let mut file = archive.by_name(&name).map_err(|e| malformed(path, e.to_string()))?;
-    let mut bytes = Vec::new();
-    // What the archive says of the size need not be so.
-    let read = file.by_ref().take(MOST_BYTES + 1).read_to_end(&mut bytes);
-    read.map_err(|e| malformed(path, format!("{name}: {e}")))?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(malformed(path, format!("{name}: more than {MOST_BYTES} bytes; allowed: at most that many")));
-    }
-    Ok(bytes)
-}
-
 /// The network of `material` in the archive at `path`.
 pub fn read(path: &Path, material: &str) -> Result<Nbrdf, BrdfError> {
-    decode(path, material, member(path, material)?)
+    decode(path, material, archive::member(path, material)?.bytes)
 }
 
 /// The network in the bytes of a member; `path` and `material` are for messages.
 pub fn decode(path: &Path, material: &str, bytes: Vec<u8>) -> Result<Nbrdf, BrdfError> {
-    Nbrdf::from_hdf5(bytes).map_err(|reason| malformed(path, format!("{material}: {reason}")))
-}
-
-fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<ZipArchive<Cursor<&'a [u8]>>, BrdfError> {
-    if bytes.len() > MOST_ARCHIVE_BYTES {
-        // Its directory is looked for from the end to the beginning.
-        let allowed = format!("at most {MOST_ARCHIVE_BYTES}");
-        let (path, found) = (path.to_owned(), bytes.len() as u64);
-        return Err(BrdfError::Size { path, format: "an archive of NBRDF networks", found, allowed });
-    }
-    ZipArchive::new(Cursor::new(bytes)).map_err(|e| malformed(path, e.to_string()))
-}
-
-fn malformed(path: &Path, reason: String) -> BrdfError {
-    BrdfError::Malformed { path: path.to_owned(), format: "archive of NBRDF networks", reason }
-}
-
-/// The file stem of an HDF5 member.
-fn material_of(member: &str) -> Option<&str> {
-    member.rsplit('/').next()?.strip_suffix(".h5")
+    Nbrdf::from_hdf5(bytes).map_err(|reason| BrdfError::Malformed {
+        path: path.to_owned(),
+        format: "archive of BRDFs",
+        reason: format!("{material}: {reason}"),
+    })
 }

@@ -13,6 +13,9 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
+/// The larger of the two sizes.
+pub(super) const MOST_BYTES: u64 = 3 * 4 * 90 * 90 * 360;
+
 /// Reads a `.titopo` or `.titopoh` file; the extension says which.
 ///
 /// # Errors

@@ -137,7 +137,7 @@ fn files_that_are_missing_or_not_what_they_seem() {
     assert!(text.starts_with("nowhere.binary: no such file; looked for nowhere.binary, "), "{text}");
     assert!(text.contains(&folder.path().join("merl/nowhere.binary").display().to_string()), "{text}");
     for (name, content, expected) in [
-        ("a.zip", "not a zip", "not a valid archive of NBRDF networks"),
+        ("a.zip", "not a zip", "not a valid archive of BRDFs"),
         ("a.fit", "# nothing\n", "not a valid file of fits: no line with a material"),
         ("b.fit", "# one\nteflon = Aggregate(", "b.fit:2: column 20: found the end of the line"),
         ("a.bin", "short", "the file has 5 bytes, NPF needs exactly 1572864"),
@@ -171,7 +171,7 @@ fn an_unknown_material_brings_the_nearest_names() {
 fn a_damaged_network_names_the_material() {
     let Some(data) = data() else { return };
     let path = data.join("nbrdf/merl_nbrdf.zip");
-    let bytes = formats::nbrdf::member(&path, "teflon").expect("material of the archive");
+    let bytes = formats::archive::member(&path, "teflon").expect("material of the archive").bytes;
     let text = message(formats::nbrdf::decode(&path, "teflon", bytes[..bytes.len() / 2].to_vec()));
-    assert!(text.contains("merl_nbrdf.zip: not a valid archive of NBRDF networks: teflon: "), "{text}");
+    assert!(text.contains("merl_nbrdf.zip: not a valid archive of BRDFs: teflon: "), "{text}");
 }

@@ -208,7 +208,7 @@ fn networks() {
     // The file of a real material, with every feature that Keras uses.
     if let Some(data) = std::env::var_os("VERNIS_DATA") {
         let path = Path::new(&data).join("nbrdf/merl_nbrdf.zip");
-        let real = nbrdf::member(&path, "teflon").expect("in the archive");
+        let real = vernis::brdf::formats::archive::member(&path, "teflon").expect("in the archive").bytes;
         fuzz(600, "x.zip", &real, |bytes| outcome(nbrdf::decode(file, "teflon", bytes.to_vec())));
     } else {
         println!("skipped a part: VERNIS_DATA is not set");
@@ -232,6 +232,14 @@ fn archives() {
     assert!(bomb.len() < 200_000);
     let text = message(&bomb);
     assert!(text.contains("teflon.h5: more than 1048576 bytes; allowed: at most that many"), "{text}");
+    // Tables in an archive are held to the size of a table.
+    fs::write(&path, archive(&[("teflon.titopo", &vec![0; 64 << 20])])).expect("writable");
+    let source = BrdfSource::parse(&format!("{}:teflon", path.display())).expect("a notation");
+    let text = source.open(None).expect_err("too large").to_string();
+    assert!(text.contains("teflon.titopo: more than 34992000 bytes; allowed: at most that many"), "{text}");
+    fs::write(&path, archive(&[("teflon.titopoh", &[0; 99])])).expect("writable");
+    let text = source.open(None).expect_err("too small").to_string();
+    assert!(text.contains("x.zip:teflon.titopoh: the file has 99 bytes"), "{text}");
     let text = message(&archive(&[("a/teflon.h5", &network()), ("b/teflon.h5", &network())]));
     assert!(text.contains("a/teflon.h5 and b/teflon.h5 are both of teflon; allowed: one member"), "{text}");
     // A name that leads out of the folder is a name like any other: members are read in place, none is ever written.

@@ -1,0 +1,89 @@
+//! `vernis extract` and `vernis merge`: a study, or a shard of it, as numbers in a Parquet file.
+
+use super::progress::Bar;
+use super::study_input::{StudyInput, matrix, short_name, versions};
+use super::{Shared, print, user_error, workspace};
+use crate::dataset::Study;
+use crate::dataset::extracted::ExtractedStudy;
+use crate::dataset::shard::Shard;
+use crate::report::OutputFolder;
+use anyhow::Result;
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Compute all descriptors and distances of a study, or of a shard of it, into a Parquet file.
+#[derive(Args)]
+#[command(after_help = "\
+Reads every BRDF once, one reference and one candidate at a time in each worker thread. What is done is in the cache: an
+interrupted run goes on where it was. `vernis merge` joins shards, `vernis train --extracted` takes the whole.
+
+Examples:
+  vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole
+  vernis extract --study lavoue2021 --data ~/brdf-data --shard 3/8 --out shards
+  vernis merge shards/*.parquet --out lavoue2021.parquet
+  vernis train --extracted lavoue2021.parquet")]
+pub struct ExtractArgs {
+    #[command(flatten)]
+    input: StudyInput,
+    /// Every COUNT-th reference with its candidates, beginning with the NUMBER-th, for work shared between machines.
+    #[arg(long, value_name = "NUMBER/COUNT", default_value = "1/1")]
+    shard: Shard,
+    /// Folder for the file, which is called STUDY.parquet or STUDY-NUMBER-of-COUNT.parquet [default: out/STUDY].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Join the Parquet files of all shards of a study.
+#[derive(Args)]
+pub struct MergeArgs {
+    /// The files of `vernis extract --shard`, in any order.
+    #[arg(required = true, value_name = "PARQUET")]
+    files: Vec<PathBuf>,
+    /// Parquet file to write: the same bytes as `vernis extract` without --shard gives.
+    #[arg(long, value_name = "PARQUET")]
+    out: PathBuf,
+}
+
+pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
+    let study = args.input.study(shared)?;
+    let setup = args.input.setup()?;
+    let places = args.shard.places(&study);
+    let short = short_name(&study);
+    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(&short));
+    let folder = OutputFolder::create(out).map_err(user_error)?;
+    let cache = workspace::cache(shared)?;
+    let of_shard = Study { pairs: places.iter().map(|&place| study.pairs[place].clone()).collect(), ..study.clone() };
+    let bar = Bar::new();
+    let found = matrix(shared, &of_shard, &setup, cache.as_ref(), &bar);
+    bar.finish();
+    let found = found?;
+    let extracted = ExtractedStudy {
+        study: of_shard,
+        samples: found.samples,
+        contents: found.contents,
+        shard: args.shard,
+        places,
+        whole: study.pairs.len(),
+        versions: versions(setup.id()),
+    };
+    let name = match args.shard {
+        Shard::WHOLE => format!("{short}.parquet"),
+        // As many digits for all, so that names sort.
+        shard => format!("{short}-{:0width$}-of-{}.parquet", shard.number(), shard.count(), width = digits(shard)),
+    };
+    let path = folder.write(&name, &extracted.to_parquet()?)?;
+    print(format!("{} of {} pairs: {}\n", extracted.places.len(), extracted.whole, path.display()))
+}
+
+fn digits(shard: Shard) -> usize {
+    shard.count().to_string().len()
+}
+
+pub fn merge(args: MergeArgs) -> Result<()> {
+    let (folder, name) = workspace::output_file(&args.out)?;
+    let read = |path: &PathBuf| Ok((path.display().to_string(), ExtractedStudy::load(path).map_err(user_error)?));
+    let parts = args.files.iter().map(read).collect::<Result<Vec<_>>>()?;
+    let whole = ExtractedStudy::merge(parts).map_err(user_error)?;
+    let path = folder.write(&name, &whole.to_parquet()?)?;
+    print(format!("{} pairs of {} files: {}\n", whole.places.len(), args.files.len(), path.display()))
+}

@@ -1,6 +1,7 @@
 //! The one integration binary: each room's tests are a module.
 
 mod brdf;
+mod browser;
 mod cli;
 mod data;
 mod dataset;

@@ -59,7 +59,7 @@ fn columns() -> Vec<(String, f64)> {
     columns
 }
 
-fn record(synthetic: bool) -> BenchmarkRecord {
+pub(crate) fn record(synthetic: bool) -> BenchmarkRecord {
     static RECORD: LazyLock<BenchmarkRecord> = LazyLock::new(make_record);
     BenchmarkRecord { synthetic, ..RECORD.clone() }
 }

@@ -11,15 +11,15 @@ for (const table of document.querySelectorAll('.table table')) {
       heads.forEach(other => other.removeAttribute('aria-sort'));
       head.setAttribute('aria-sort', down ? 'descending' : 'ascending');
       const key = row => row.cells[column] ? row.cells[column].textContent.trim() : '';
-      const number = text => { const found = parseFloat(text.replace('\u2212', '-')); return isNaN(found) ? null : found; };
+      // Of an interval the lower end, of `< 0.001` the bound.
+      const number = text => parseFloat(text.replace('\u2212', '-').replace(/^[[<\s]+/, ''));
       const order = (a, b) => {
         const [x, y] = [number(key(a)), number(key(b))];
-        if (x !== null && y !== null) return x - y;
-        if (x !== null || y !== null) return x !== null ? -1 : 1;
-        return key(a).localeCompare(key(b));
+        // Whatever the direction, what is missing comes last.
+        if (isNaN(x) !== isNaN(y)) return isNaN(x) ? 1 : -1;
+        return (down ? -1 : 1) * (isNaN(x) ? key(a).localeCompare(key(b)) : x - y);
       };
-      const rows = [...body.rows].sort((a, b) => down ? order(b, a) : order(a, b));
-      body.append(...rows);
+      body.append(...[...body.rows].sort(order));
     });
   });
 }

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 #[command(after_help = "\
 A BRDF is written as
   PATH.binary, PATH.titopo, PATH.titopoh          a table
-  ARCHIVE.zip:MATERIAL                            a network of an archive
+  ARCHIVE.zip:MATERIAL                            a network or a table of an archive
   FILE.fit:MATERIAL[?KEY=VALUE&...]               a published fit, with overrides
   npf.bin:MATERIAL                                tabulated factors
   MODEL.json[?KEY=VALUE&...]                      a model and its parameters

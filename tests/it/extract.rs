@@ -102,7 +102,7 @@ fn an_extraction_that_is_killed_goes_on() {
 fn shards_are_merged_into_the_bytes_of_the_whole() {
     let place = tempfile::tempdir().unwrap();
     for (name, alpha) in [("a", 0.2), ("b", 0.3), ("c", 0.25)] {
-        let model = format!(r#"{{"model": "ggx", "kd": [0.2, 0.1, 0.1], "ks": [0.04, 0.04, 0.04], "alpha": {alpha}}}"#);
+        let model = format!(r#"{{"model": "ggx", "kd": [0.2, 0.1, 0.1], "f0": [0.04, 0.04, 0.04], "alpha": {alpha}}}"#);
         fs::write(place.path().join(format!("{name}.json")), model).unwrap();
     }
     // The pairs of a reference need not be neighbours.

@@ -283,7 +283,7 @@ fn what_is_no_set_of_shards_is_not_merged() {
     };
     let [first, second] = [part("1/2"), part("2/2")];
     assert_eq!(merge(&[]), "merge: found no file; allowed: the files of all shards of a study");
-    assert_eq!(merge(&[second.clone()]), "merge: found no shard 1 of 2; allowed: the files of all shards");
+    assert_eq!(merge(std::slice::from_ref(&second)), "merge: found no shard 1 of 2; allowed: the files of all shards");
     assert!(merge(&[first.clone(), first.clone()]).starts_with("1.parquet: found shard 1/2 again, as in 0.parquet"));
     assert!(merge(&[first.clone(), part("2/3")]).contains("1.parquet: found another number of shards"));
     let mut other = second.clone();

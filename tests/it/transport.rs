@@ -169,6 +169,19 @@ fn corners_of_the_paper_s_grid_agree_with_sums_over_all_pairs() {
     }
 }
 
+/// Of a slow annealing most updates take place on coarser levels than their epsilons ask for.
+#[test]
+fn slow_annealings_agree_with_sums_over_all_pairs() {
+    let slow = parameters(GroundCost::SquaredDistance, 0.1, 0.1, 0.95);
+    let large = grid(8, 9, 26);
+    assert_ne!(slow.method(large).unwrap(), Method::Direct);
+    for pair in &PAIRS[..2] {
+        let found = error(&slow, large, *pair, fourth_root);
+        println!("{pair:?}: {found:.1e}");
+        assert!(found.abs() < 0.01, "{pair:?}: {found}");
+    }
+}
+
 #[test]
 fn distances_themselves_and_far_directions_take_direct_sums() {
     let grid = grid(4, 5, 9);
@@ -438,8 +451,11 @@ fn gradient_agrees_with_finite_differences() {
     };
     let [small, large] = small_and_large();
     let distance = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
+    let slow = parameters(GroundCost::SquaredDistance, 0.1, 0.05, 0.95);
     // Where graphs are quantised, the derivative jumps where a value passes a node: the last digits of the differences.
-    for (parameters, grid, tolerance) in [(study(), small, 1e-6), (distance, small, 1e-5), (study(), large, 1e-3)] {
+    for (parameters, grid, tolerance) in
+        [(study(), small, 1e-6), (distance, small, 1e-5), (study(), large, 1e-3), (slow, large, 1e-3)]
+    {
         for (a, b) in PAIRS {
             let (a, b) = (a.graph(grid, fourth_root), b.graph(grid, fourth_root));
             let prepare = |values: &[f64]| PreparedChannel::new(&parameters, grid, values, None).unwrap();

@@ -3,7 +3,7 @@
 //! A sum of Gaussians of width sqrt(epsilon) needs nodes at a fraction of that width and no more. Level 0 is the
 //! [`Measure`] that the blur asks for; each further level has half the value nodes and about half the nodes along each base
 //! axis, and serves epsilons four times as large. The annealing starts on the last level and ends on level 0: early updates
-//! cost next to nothing, and a slow annealing costs about what its last factor of two does.
+//! cost next to nothing, and of slow annealings only the last few take all nodes (`quantised.rs`).
 //!
 //! *Masses* go down a level as cells go to nodes (`measure.rs`): value node 2k goes to k, 2k + 1 half to k and half to
 //! k + 1, which adds the variance (1/4) (2 h)^2, V_k += 1/16, V_{k+1} += 1/16, taken back by anti-diffusion; along the base, hat

@@ -24,15 +24,23 @@ pub(super) struct Update {
     pub level: usize,
 }
 
-/// All updates between measures of which the one with fewer has `levels` levels, each on the coarsest that does for its
-/// epsilon.
+/// Of the updates whose epsilon asks for a level, the last so many take place on it. All of them do at scaling .8; those before
+/// them, in slower annealings, lead there, and the next coarser level is good enough for that.
+const ON_THEIR_LEVEL: usize = 6;
+
+/// All updates between measures of which the one with fewer has `levels` levels, each on the coarsest that does for it.
 pub(super) fn updates(annealing: &Annealing, levels: usize) -> impl DoubleEndedIterator<Item = Update> {
     let last = annealing.last();
-    annealing.updates().map(move |(epsilon, keep)| {
+    // The level of the update that follows, and how many updates ask for it from there on.
+    let mut following = (0, 0);
+    let from_the_end = annealing.updates().rev().map(|(epsilon, keep)| {
         // Rounding must not decide about powers of two.
-        let doublings = (0.5 * (epsilon / last).log2() + 1e-9).max(0.0);
-        Update { epsilon, keep, level: (doublings as usize).min(levels.saturating_sub(1)) }
-    })
+        let level = (0.5 * (epsilon / last).log2() + 1e-9).max(0.0) as usize;
+        following = (level, if level == following.0 { following.1 + 1 } else { 1 });
+        let leads_there = usize::from(following.1 > ON_THEIR_LEVEL);
+        Update { epsilon, keep, level: (level + leads_there).min(levels.saturating_sub(1)) }
+    });
+    from_the_end.collect::<Vec<_>>().into_iter().rev()
 }
 
 /// <a, f_ba - f_aa> + <b, g_ab - g_bb>.

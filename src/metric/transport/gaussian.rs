@@ -9,12 +9,14 @@
 //!
 //! then along the value axis ([`Gaussian::gather`], in [`super::value_axis`]).
 //!
+//! Only nodes with c(p, q) != 0 take part in the first maximum, the exponentials and the first of the three products.
+//!
 //! c: masses, or signed numbers (then M_q may vanish, and the node is silent). Instruction sets without fused
 //! multiplication round differently in the last digits; the number of threads changes nothing.
 
 use super::elementary::{LANES, Lanes, exp, fma, ln, max};
 use super::lattice::Lattice;
-use super::measure::Measure;
+use super::measure::{Measure, Support};
 use super::value_axis;
 
 /// Terms smaller than exp(-34), times the largest base factor, are left out.
@@ -40,10 +42,18 @@ pub(super) enum Sink<'a> {
     Sum { sum: &'a mut [Lanes], potential: &'a [Lanes] },
 }
 
+/// The nodes of the target that a sum is wanted at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Nodes {
+    All,
+    /// Those with mass, and those beside them in an entry.
+    Support,
+}
+
 /// The result of the first half, and the scratch memory of both.
 #[derive(Default)]
 pub(super) struct Spread {
-    /// V, base nodes x entries of value nodes.
+    /// V, entries of value nodes x base nodes.
     pub values: Vec<Lanes>,
     /// G/epsilon.
     pub level: Vec<Lanes>,
@@ -71,61 +81,104 @@ impl Gaussian {
         }
     }
 
-    /// The first half: `weights` c and `potential` g of the measure's nodes.
-    pub fn spread(&self, weights: &[Lanes], potential: &[Lanes], spread: &mut Spread) {
+    /// The first half: `weights` c, which are 0 outside `support`, and `potential` g.
+    pub fn spread(&self, weights: &[Lanes], support: &Support, potential: &[Lanes], spread: &mut Spread) {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") {
                 // SAFETY: the function is safe but for its need of AVX-512, which the processor has.
-                return unsafe { spread_avx512(self, weights, potential, spread) };
+                return unsafe { spread_avx512(self, weights, support, potential, spread) };
             }
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
                 // SAFETY: as above, with AVX2 and FMA.
-                return unsafe { spread_avx2(self, weights, potential, spread) };
+                return unsafe { spread_avx2(self, weights, support, potential, spread) };
             }
         }
-        spread_at_nodes::<PLAIN>(self, weights, potential, spread);
+        spread_at_nodes::<PLAIN>(self, weights, support, potential, spread);
     }
 
-    /// The second half: from the value nodes of `source` to those of `target`.
-    pub fn gather(&self, source: &Measure, spread: &Spread, target: &Measure, sink: Sink) {
+    /// The second half: from the value nodes of `source` to `nodes` of `target`.
+    pub fn gather(&self, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") {
                 // SAFETY: the function is safe but for its need of AVX-512, which the processor has.
-                return unsafe { gather_avx512(self, source, spread, target, sink) };
+                return unsafe { gather_avx512(self, source, spread, target, nodes, sink) };
             }
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
                 // SAFETY: as above, with AVX2 and FMA.
-                return unsafe { gather_avx2(self, source, spread, target, sink) };
+                return unsafe { gather_avx2(self, source, spread, target, nodes, sink) };
             }
         }
-        value_axis::gather::<PLAIN, 2>(self, source, spread, target, sink);
+        value_axis::gather::<PLAIN, 2>(self, source, spread, target, nodes, sink);
     }
 
     pub fn base_len(&self) -> usize {
         self.nodes.iter().product()
     }
 
-    /// Multiplies `block` (base nodes) by the kernels of the three axes.
+    /// Multiplies by the kernel of the middle base axis.
     #[inline(always)]
-    fn smooth_base<const FUSED: bool>(&self, block: &mut Vec<Lanes>, scratch: &mut Vec<Lanes>) {
-        let mut stride = block.len();
-        for (&nodes, kernel) in self.nodes.iter().zip(&self.axes) {
-            stride /= nodes;
-            for (from, to) in block.chunks_exact(nodes * stride).zip(scratch.chunks_exact_mut(nodes * stride)) {
-                for (row, to) in kernel.chunks_exact(nodes).zip(to.chunks_exact_mut(stride)) {
-                    to.fill([0.0; LANES]);
-                    for (&factor, from) in row.iter().zip(from.chunks_exact(stride)) {
-                        for (from, to) in from.iter().zip(&mut *to) {
-                            (0..LANES).for_each(|lane| to[lane] = fma::<FUSED>(factor, from[lane], to[lane]));
-                        }
-                    }
-                }
+    fn smooth_middle<const FUSED: bool>(&self, from: &[Lanes], to: &mut [Lanes]) {
+        let [_, nodes, stride] = self.nodes;
+        for (from, to) in from.chunks_exact(nodes * stride).zip(to.chunks_exact_mut(nodes * stride)) {
+            for column in 0..stride {
+                let line = from[column..].iter().step_by(stride);
+                products::<FUSED>(&self.axes[1], line, |node, sum| to[node * stride + column] = sum);
             }
-            std::mem::swap(block, scratch);
         }
     }
+
+    /// Multiplies by the kernel of the last base axis, and by `factor`.
+    #[inline(always)]
+    fn smooth_last<const FUSED: bool>(&self, from: &[Lanes], factor: &Lanes, to: &mut [Lanes]) {
+        let nodes = self.nodes[2];
+        for (from, to) in from.chunks_exact(nodes).zip(to.chunks_exact_mut(nodes)) {
+            products::<FUSED>(&self.axes[2], from.iter(), |node, sum| {
+                (0..LANES).for_each(|lane| to[node][lane] = sum[lane] * factor[lane]);
+            });
+        }
+    }
+}
+
+/// The products of the rows of a square matrix with `line`, each handed to `take` with its row.
+#[inline(always)]
+fn products<'a, const FUSED: bool>(
+    matrix: &[f64],
+    line: impl ExactSizeIterator<Item = &'a Lanes> + Clone,
+    mut take: impl FnMut(usize, Lanes),
+) {
+    /// Rows whose sums stay in registers.
+    const ROWS: usize = 4;
+    let mut first = 0;
+    for rows in matrix.chunks(ROWS * line.len()) {
+        match rows.len() / line.len() {
+            ROWS => products_of::<FUSED, ROWS>(rows, line.clone(), first, &mut take),
+            3 => products_of::<FUSED, 3>(rows, line.clone(), first, &mut take),
+            2 => products_of::<FUSED, 2>(rows, line.clone(), first, &mut take),
+            _ => products_of::<FUSED, 1>(rows, line.clone(), first, &mut take),
+        }
+        first += ROWS;
+    }
+}
+
+/// The products of `ROWS` rows.
+#[inline(always)]
+fn products_of<'a, const FUSED: bool, const ROWS: usize>(
+    rows: &[f64],
+    line: impl ExactSizeIterator<Item = &'a Lanes>,
+    first: usize,
+    take: &mut impl FnMut(usize, Lanes),
+) {
+    let mut sums = [[0.0; LANES]; ROWS];
+    let columns = line.len();
+    for (column, value) in line.enumerate() {
+        for (row, sum) in sums.iter_mut().enumerate() {
+            let factor = rows[row * columns + column];
+            (0..LANES).for_each(|lane| sum[lane] = fma::<FUSED>(factor, value[lane], sum[lane]));
+        }
+    }
+    sums.into_iter().enumerate().for_each(|(row, sum)| take(first + row, sum));
 }
 
 /// Multiplication and addition in one instruction, or not.
@@ -135,48 +188,58 @@ const PLAIN: bool = cfg!(target_arch = "aarch64");
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,fma")]
-fn spread_avx512(kernel: &Gaussian, weights: &[Lanes], potential: &[Lanes], spread: &mut Spread) {
-    spread_at_nodes::<FUSED>(kernel, weights, potential, spread);
+fn spread_avx512(kernel: &Gaussian, weights: &[Lanes], support: &Support, potential: &[Lanes], spread: &mut Spread) {
+    spread_at_nodes::<FUSED>(kernel, weights, support, potential, spread);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn spread_avx2(kernel: &Gaussian, weights: &[Lanes], potential: &[Lanes], spread: &mut Spread) {
-    spread_at_nodes::<FUSED>(kernel, weights, potential, spread);
+fn spread_avx2(kernel: &Gaussian, weights: &[Lanes], support: &Support, potential: &[Lanes], spread: &mut Spread) {
+    spread_at_nodes::<FUSED>(kernel, weights, support, potential, spread);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,fma")]
-fn gather_avx512(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, sink: Sink) {
-    value_axis::gather::<FUSED, 8>(kernel, source, spread, target, sink);
+fn gather_avx512(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
+    value_axis::gather::<FUSED, 8>(kernel, source, spread, target, nodes, sink);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn gather_avx2(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, sink: Sink) {
-    value_axis::gather::<FUSED, 4>(kernel, source, spread, target, sink);
+fn gather_avx2(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
+    value_axis::gather::<FUSED, 4>(kernel, source, spread, target, nodes, sink);
 }
 
 #[inline(always)]
-fn spread_at_nodes<const FUSED: bool>(kernel: &Gaussian, weights: &[Lanes], potential: &[Lanes], spread: &mut Spread) {
+fn spread_at_nodes<const FUSED: bool>(
+    kernel: &Gaussian,
+    weights: &[Lanes],
+    support: &Support,
+    potential: &[Lanes],
+    spread: &mut Spread,
+) {
     let base = kernel.base_len();
     let entries = weights.len() / base;
+    let plane = base / kernel.nodes[0];
     spread.values.resize(weights.len(), [0.0; LANES]);
     spread.level.resize(entries, [0.0; LANES]);
     let mut block = vec![[0.0; LANES]; base];
     let mut scratch = block.clone();
     let inverse = 1.0 / kernel.epsilon;
-    for entry in 0..entries {
+    for (entry, values) in spread.values.chunks_exact_mut(base).enumerate() {
+        let nodes = support.at(entry).iter().map(|&p| p as usize);
         let at = |p: usize| (&weights[p * entries + entry], &potential[p * entries + entry]);
         let mut top = [f64::MIN; LANES];
-        for (weight, potential) in (0..base).map(at) {
+        for (weight, potential) in nodes.clone().map(at) {
             for lane in 0..LANES {
                 top[lane] = max(if weight[lane] == 0.0 { f64::MIN } else { potential[lane] }, top[lane]);
             }
         }
         let mut total = [0.0; LANES];
-        for (p, value) in block.iter_mut().enumerate() {
+        block.fill([0.0; LANES]);
+        for p in nodes {
             let (weight, potential) = at(p);
+            let mut value = [0.0; LANES];
             for lane in 0..LANES {
                 // Positive only where the weight is 0.
                 let exponent = (potential[lane] - top[lane]) * inverse;
@@ -184,17 +247,20 @@ fn spread_at_nodes<const FUSED: bool>(kernel: &Gaussian, weights: &[Lanes], pote
                 value[lane] = weight[lane] * exp::<FUSED>(exponent);
                 total[lane] += value[lane].abs();
             }
+            // The first axis; its kernel is symmetric.
+            let (node, rest) = (p / plane, p % plane);
+            let row = &kernel.axes[0][node * kernel.nodes[0]..][..kernel.nodes[0]];
+            for (&factor, to) in row.iter().zip(block[rest..].iter_mut().step_by(plane)) {
+                (0..LANES).for_each(|lane| to[lane] = fma::<FUSED>(factor, value[lane], to[lane]));
+            }
         }
-        kernel.smooth_base::<FUSED>(&mut block, &mut scratch);
+        kernel.smooth_middle::<FUSED>(&block, &mut scratch);
         let mut share = [0.0; LANES];
         for lane in 0..LANES {
             let total = max(total[lane], f64::MIN_POSITIVE);
             share[lane] = 1.0 / total;
             spread.level[entry][lane] = fma::<FUSED>(top[lane], inverse, ln::<FUSED>(total));
         }
-        for (p, value) in block.iter().enumerate() {
-            let to = &mut spread.values[p * entries + entry];
-            (0..LANES).for_each(|lane| to[lane] = value[lane] * share[lane]);
-        }
+        kernel.smooth_last::<FUSED>(&scratch, &share, values);
     }
 }

@@ -21,9 +21,9 @@
 
 use super::annealing::Annealing;
 use super::elementary::{LANES, Lanes};
-use super::gaussian::{Gaussian, Sink, Spread};
+use super::gaussian::{Gaussian, Nodes, Sink, Spread};
 use super::levels::Levels;
-use super::measure::Measure;
+use super::measure::{Measure, Support};
 use super::quantised::{Field, Update, alone, crossed, mean_difference, updates};
 use super::splat::pull_back;
 
@@ -43,22 +43,23 @@ pub(super) fn divergence_and_gradient(
 /// The divergence, and its derivative with respect to the masses of `b`.
 fn value_and_masses(alpha: f64, annealing: &Annealing, a: &Levels, b: &Levels) -> (f64, Field) {
     let levels = a.len().min(b.len());
+    // On level 0 all nodes: the derivative asks what mass would cost where there is none.
     let of_candidate = || {
         let mut history = Vec::new();
-        let last = alone(alpha, annealing, b, levels, |g| history.push(g.clone()));
+        let last = alone(alpha, annealing, b, levels, Nodes::All, |g| history.push(g.clone()));
         let of_mass = of_alone(alpha, annealing, b, levels, &history);
         (last, of_mass)
     };
     let of_both = || {
         let (mut of_a, mut of_b) = (Vec::new(), Vec::new());
-        let (f, g) = crossed(alpha, annealing, a, b, |f, g| {
+        let (f, g) = crossed(alpha, annealing, a, b, Nodes::All, |f, g| {
             of_a.push(f.clone());
             of_b.push(g.clone());
         });
         let of_mass = of_crossed(alpha, annealing, [a, b], [&of_a, &of_b]);
         (f, g, of_mass)
     };
-    let of_reference = || alone(alpha, annealing, a, levels, |_| ());
+    let of_reference = || alone(alpha, annealing, a, levels, Nodes::Support, |_| ());
     let ((f_aa, (g_bb, of_bb)), (f_ba, g_ab, of_ab)) = rayon::join(|| rayon::join(of_reference, of_candidate), of_both);
     let value = mean_difference(a.finest(), &f_ba, &f_aa) + mean_difference(b.finest(), &g_ab, &g_bb);
     let of_masses = |f: &Field, of_chain: Vec<Field>, sign: f64| {
@@ -88,6 +89,8 @@ struct Backwards<'a> {
     /// Where f lives, and where g lives.
     target: &'a Measure,
     source: &'a Measure,
+    /// Which nodes of both took part; the others kept their potentials.
+    nodes: Nodes,
     /// f before and after, and g before.
     f: &'a [Field; 2],
     g: &'a Field,
@@ -99,20 +102,36 @@ impl Backwards<'_> {
         let [old, new] = self.f;
         let share = 1.0 / (1.0 - self.keep);
         let softmin = combine(new, share, old, -share * self.keep);
-        let of_softmin = combine(of_f, 1.0 - self.keep, of_f, 0.0);
+        let mut of_softmin = combine(of_f, 1.0 - self.keep, of_f, 0.0);
+        self.bystanders(self.target).into_iter().for_each(|node| of_softmin[node] = [0.0; LANES]);
         let (mut spread, mut factor) = (Spread::default(), vec![[0.0; LANES]; self.g.len()]);
-        self.gaussian.spread(&of_softmin, &softmin, &mut spread);
+        let support = Support::of(&of_softmin, self.target.values.len());
+        self.gaussian.spread(&of_softmin, &support, &softmin, &mut spread);
         let sink = Sink::Sum { sum: &mut factor, potential: self.g };
-        self.gaussian.gather(self.target, &spread, self.source, sink);
+        self.gaussian.gather(self.target, &spread, self.source, Nodes::All, sink);
         factor
     }
 
     /// keep `of` - m E: the derivative with respect to a potential before, of which `of` is the one after.
     fn through(&self, of: &Field, factor: &Field) -> Field {
         let mut before = combine(of, self.keep, of, 0.0);
+        self.bystanders(self.source).into_iter().for_each(|node| before[node] = of[node]);
         let terms = self.source.mass.as_flattened().iter().zip(factor.as_flattened());
         before.as_flattened_mut().iter_mut().zip(terms).for_each(|(before, (mass, factor))| *before -= mass * factor);
         before
+    }
+
+    /// The places in a potential of `measure` that did not take part.
+    fn bystanders(&self, measure: &Measure) -> Vec<usize> {
+        if self.nodes == Nodes::All {
+            return Vec::new();
+        }
+        let entries = measure.values.len();
+        let mut bystanders = vec![true; measure.mass.len()];
+        for entry in 0..entries {
+            measure.support.at(entry).iter().for_each(|&base| bystanders[base as usize * entries + entry] = false);
+        }
+        (0..bystanders.len()).filter(|&node| bystanders[node]).collect()
     }
 }
 
@@ -126,13 +145,13 @@ fn nothing(measures: &Levels, levels: usize) -> Vec<Field> {
 fn of_alone(alpha: f64, annealing: &Annealing, b: &Levels, levels: usize, history: &[Field]) -> Vec<Field> {
     let mut of_masses = nothing(b, levels);
     let (mut of_g, mut at) = (b.finest().mass.clone(), 0);
-    let steps: Vec<_> = updates(annealing, levels).zip(history.as_chunks().0).collect();
-    for (Update { epsilon, keep, level }, g) in steps.into_iter().rev() {
+    let steps: Vec<_> = updates(annealing, levels, Nodes::All).zip(history.as_chunks().0).collect();
+    for (Update { epsilon, keep, level, nodes }, g) in steps.into_iter().rev() {
         of_g = b.refine_back(of_g, at, level);
         at = level;
         let measure = b.level(level);
         let gaussian = Gaussian::new(&measure.lattice, alpha, epsilon);
-        let update = Backwards { gaussian: &gaussian, keep, target: measure, source: measure, f: g, g: &g[0] };
+        let update = Backwards { gaussian: &gaussian, keep, target: measure, source: measure, nodes, f: g, g: &g[0] };
         let factor = update.factor(&of_g);
         of_masses[level] = combine(&of_masses[level], 1.0, &factor, -epsilon);
         of_g = update.through(&of_g, &factor);
@@ -145,14 +164,15 @@ fn of_crossed(alpha: f64, annealing: &Annealing, [a, b]: [&Levels; 2], [f, g]: [
     let levels = a.len().min(b.len());
     let mut of_masses = nothing(b, levels);
     let (mut of_f, mut of_g, mut at) = (a.finest().mass.clone(), b.finest().mass.clone(), 0);
-    let steps: Vec<_> = updates(annealing, levels).zip(f.as_chunks().0.iter().zip(g.as_chunks().0)).collect();
-    for (Update { epsilon, keep, level }, (f, g)) in steps.into_iter().rev() {
+    let steps: Vec<_> =
+        updates(annealing, levels, Nodes::All).zip(f.as_chunks().0.iter().zip(g.as_chunks().0)).collect();
+    for (Update { epsilon, keep, level, nodes }, (f, g)) in steps.into_iter().rev() {
         (of_f, of_g) = (a.refine_back(of_f, at, level), b.refine_back(of_g, at, level));
         at = level;
         let (a, b) = (a.level(level), b.level(level));
         let gaussian = Gaussian::new(&b.lattice, alpha, epsilon);
-        let of_a = Backwards { gaussian: &gaussian, keep, target: a, source: b, f, g: &g[0] };
-        let of_b = Backwards { gaussian: &gaussian, keep, target: b, source: a, f: g, g: &f[0] };
+        let of_a = Backwards { gaussian: &gaussian, keep, target: a, source: b, nodes, f, g: &g[0] };
+        let of_b = Backwards { gaussian: &gaussian, keep, target: b, source: a, nodes, f: g, g: &f[0] };
         let (to_b, to_a) = (of_a.factor(&of_f), of_b.factor(&of_g));
         of_masses[level] = combine(&of_masses[level], 1.0, &to_b, -epsilon);
         (of_f, of_g) = (of_b.through(&of_f, &to_a), of_a.through(&of_g, &to_b));

@@ -37,6 +37,8 @@ pub(super) struct Measure {
     pub values: Vec<Lanes>,
     /// `mass[base * values.len() + entry][lane]`; they add up to 1.
     pub mass: Vec<Lanes>,
+    /// Where `mass` is not 0.
+    pub support: Support,
     /// The masses before anti-diffusion, for derivatives.
     pub linear: Splat,
 }
@@ -55,8 +57,10 @@ impl Measure {
 
     /// The measure of masses that were spread linearly.
     pub fn sharpened(lattice: Lattice, values: Vec<Lanes>, splat: Splat) -> Self {
-        let mut measure = Self { lattice, values, mass: splat.mass.clone(), linear: splat };
+        let mass = splat.mass.clone();
+        let mut measure = Self { lattice, values, mass, support: Support::default(), linear: splat };
         measure.sharpen();
+        measure.support = Support::of(&measure.mass, measure.values.len());
         measure
     }
 
@@ -115,6 +119,44 @@ impl Measure {
             }
         }
         (of_linear, of_excess)
+    }
+}
+
+/// Where numbers on base nodes x entries of value nodes are not 0: a cell's neighbours have values like its own, so that a
+/// base node has mass at few of all values (a third at the default setting, a tenth of 11^3 base nodes).
+#[derive(Debug, Clone, Default)]
+pub(super) struct Support {
+    /// Where in `base` each entry starts, and the end.
+    starts: Vec<usize>,
+    /// The base nodes of all entries, increasing within each.
+    base: Vec<u32>,
+}
+
+impl Support {
+    /// Of `numbers` in rows of `entries`.
+    pub fn of(numbers: &[Lanes], entries: usize) -> Self {
+        let filled = |numbers: &Lanes| numbers.iter().any(|&number| number != 0.0);
+        let mut starts = vec![0; entries + 1];
+        for row in numbers.chunks_exact(entries) {
+            row.iter().zip(&mut starts[1..]).for_each(|(numbers, count)| *count += usize::from(filled(numbers)));
+        }
+        (0..entries).for_each(|entry| starts[entry + 1] += starts[entry]);
+        let mut base = vec![0; starts[entries]];
+        let mut free = starts.clone();
+        for (node, row) in numbers.chunks_exact(entries).enumerate() {
+            for (numbers, free) in row.iter().zip(&mut free) {
+                if filled(numbers) {
+                    base[*free] = node as u32;
+                    *free += 1;
+                }
+            }
+        }
+        Self { starts, base }
+    }
+
+    /// The base nodes at which any of the value nodes of `entry` has a number.
+    pub fn at(&self, entry: usize) -> &[u32] {
+        &self.base[self.starts[entry]..self.starts[entry + 1]]
     }
 }
 
@@ -187,6 +229,20 @@ mod tests {
         assert_eq!(measure.values.as_flattened()[..3], [5.0, 6.0, 6.0]);
         assert!((moment(&measure, 0.535, 1)).abs() < 1e-15);
         assert!((moment(&measure, 0.0, 0) - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_support_is_where_the_mass_is() {
+        let cells: Vec<f64> = (0..4000).map(|k| f64::from(k / 400) + (f64::from(k) * 0.37).sin()).collect();
+        let measure = measure(&cells);
+        let entries = measure.values.len();
+        for entry in 0..entries {
+            let filled = |&base: &usize| measure.mass[base * entries + entry].iter().any(|&mass| mass > 0.0);
+            let expected: Vec<u32> = (0..measure.lattice.base_len()).filter(filled).map(|base| base as u32).collect();
+            assert_eq!(measure.support.at(entry), expected);
+        }
+        let filled: usize = (0..entries).map(|entry| measure.support.at(entry).len()).sum();
+        assert!(filled < entries * measure.lattice.base_len(), "all of {filled}");
     }
 
     #[test]

@@ -20,10 +20,11 @@
 //! Source of the estimate: L. N. Trefethen, "Approximation Theory and Approximation Practice", theorem 8.2 and chapter 5
 //! (barycentric formula), doi:10.1137/1.9781611975949.
 //!
-//! Cost, for P base nodes, Q source and R target nodes: at most Q R (1 exponential + P multiplications).
+//! Cost, for P base nodes, Q source and R target nodes: at most Q R (1 exponential + P multiplications), P being the base nodes
+//! with mass at a value where no others are asked for.
 
 use super::elementary::{LANES, LARGEST_ARGUMENT, Lanes, exp, fma, ln, max};
-use super::gaussian::{Gaussian, Sink, Spread};
+use super::gaussian::{Gaussian, Nodes, Sink, Spread};
 use super::measure::Measure;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -34,17 +35,19 @@ const NODES: [(usize, f64); 6] = [(8, 0.29), (16, 2.67), (24, 6.6), (32, 11.3), 
 /// Interpolation must save this share of the multiplications.
 const WORTHWHILE: f64 = 0.8;
 
-/// Sums from all value nodes of `source` to all of `target`. `ROWS`: base nodes whose sums stay in registers.
+/// Sums from all value nodes of `source` to `nodes` of `target`. `ROWS`: base nodes whose sums stay in registers.
 #[inline(always)]
 pub(super) fn gather<const FUSED: bool, const ROWS: usize>(
     kernel: &Gaussian,
     source: &Measure,
     spread: &Spread,
     target: &Measure,
+    nodes: Nodes,
     sink: Sink,
 ) {
-    let mut axis = Axis { kernel, source: &source.values, spread, target: &target.values, sink };
-    let (mut band, mut nodes) = (Band::default(), Interpolation::default());
+    let all: Vec<u32> = (0..kernel.base_len() as u32).collect();
+    let mut axis = Axis { kernel, source: &source.values, spread, target, nodes, all: &all, sink };
+    let (mut band, mut chebyshev) = (Band::default(), Interpolation::default());
     // Intervals of targets, with the sources that can matter to them.
     let mut waiting = vec![(0..target.values.len(), 0..source.values.len())];
     while let Some((targets, sources)) = waiting.pop() {
@@ -54,7 +57,7 @@ pub(super) fn gather<const FUSED: bool, const ROWS: usize>(
         }
         let interval = axis.interval::<FUSED>(&targets, sources, &mut band);
         if let Some(count) = interval.nodes(kernel, targets.len()) {
-            axis.interpolate::<FUSED, ROWS>(targets, &interval, count, &mut band, &mut nodes);
+            axis.interpolate::<FUSED, ROWS>(targets, &interval, count, &mut band, &mut chebyshev);
         } else {
             let middle = targets.start + targets.len() / 2;
             waiting.push((middle..targets.end, interval.sources.clone()));
@@ -69,7 +72,9 @@ struct Axis<'a> {
     /// Multiples of h.
     source: &'a [Lanes],
     spread: &'a Spread,
-    target: &'a [Lanes],
+    target: &'a Measure,
+    nodes: Nodes,
+    all: &'a [u32],
     sink: Sink<'a>,
 }
 
@@ -112,25 +117,40 @@ struct Interpolation {
     places: Vec<f64>,
     /// Barycentric weights.
     weights: Vec<f64>,
-    /// The sums, divided by the gauge: base nodes x entries of nodes.
+    /// The base nodes that any target has.
+    base: Vec<u32>,
+    /// The sums, divided by the gauge: entries of nodes x base nodes.
     sums: Vec<Lanes>,
     /// What each node contributes to the eight targets of a tile.
     band: Band,
 }
 
-impl Axis<'_> {
+impl<'a> Axis<'a> {
+    /// The base nodes of a tile of targets.
+    fn base(&self, tile: usize) -> &'a [u32] {
+        match self.nodes {
+            Nodes::All => self.all,
+            Nodes::Support => self.target.support.at(tile),
+        }
+    }
+
     /// Sums one tile of eight targets.
     #[inline(always)]
     fn sum_tile<const FUSED: bool, const ROWS: usize>(&mut self, tile: usize, sources: Range<usize>, band: &mut Band) {
-        let top = band.find::<FUSED>(self.kernel, self.source, &self.spread.level, sources, &self.target[tile]);
-        band.sum_rows::<FUSED, ROWS>(&self.spread.values, self.source.len());
-        self.take::<FUSED>(tile, &band.sums, &top);
+        let base = self.base(tile);
+        if base.is_empty() {
+            return;
+        }
+        let top = band.find::<FUSED>(self.kernel, self.source, &self.spread.level, sources, &self.target.values[tile]);
+        band.sum_rows::<FUSED, ROWS>(&self.spread.values, self.kernel.base_len(), base);
+        self.take::<FUSED>(tile, base, &band.sums, &top);
     }
 
     /// The band of an interval of targets, from those of its ends.
     #[inline(always)]
     fn interval<const FUSED: bool>(&self, targets: &Range<usize>, sources: Range<usize>, band: &mut Band) -> Interval {
-        let (first, last) = (self.target[targets.start][0], self.target[targets.end - 1][LANES - 1]);
+        let values = &self.target.values[targets.clone()];
+        let (first, last) = (values[0][0], values[values.len() - 1][LANES - 1]);
         let mut ends = [last; LANES];
         ends[0] = first;
         let tops = band.maxima::<FUSED>(self.kernel, self.source, &self.spread.level, sources.clone(), &ends);
@@ -159,6 +179,10 @@ impl Axis<'_> {
     ) {
         let (kernel, groups) = (self.kernel, count / LANES);
         nodes.place(interval, count);
+        nodes.base.clear();
+        targets.clone().for_each(|tile| nodes.base.extend_from_slice(self.base(tile)));
+        nodes.base.sort_unstable();
+        nodes.base.dedup();
         nodes.sums.resize(kernel.base_len() * groups, [0.0; LANES]);
         for (group, r) in nodes.places.as_chunks().0.iter().enumerate() {
             let top = band.find::<FUSED>(kernel, self.source, &self.spread.level, interval.sources.clone(), r);
@@ -166,29 +190,31 @@ impl Axis<'_> {
             for lane in 0..LANES {
                 scale[lane] = exp::<FUSED>(top[lane] - interval.gauge::<FUSED>(kernel, r[lane]));
             }
-            band.sum_rows::<FUSED, ROWS>(&self.spread.values, self.source.len());
-            for (p, sum) in band.sums.iter().enumerate() {
-                (0..LANES).for_each(|lane| nodes.sums[p * groups + group][lane] = sum[lane] * scale[lane]);
+            band.sum_rows::<FUSED, ROWS>(&self.spread.values, kernel.base_len(), &nodes.base);
+            let sums = &mut nodes.sums[group * kernel.base_len()..][..kernel.base_len()];
+            for (&p, sum) in nodes.base.iter().zip(&band.sums) {
+                (0..LANES).for_each(|lane| sums[p as usize][lane] = sum[lane] * scale[lane]);
             }
         }
         for tile in targets {
-            let r = &self.target[tile];
+            let (base, r) = (self.base(tile), &self.target.values[tile]);
             nodes.reach(r);
             let mut gauge = [0.0; LANES];
             (0..LANES).for_each(|lane| gauge[lane] = interval.gauge::<FUSED>(kernel, r[lane]));
-            nodes.band.sum_rows::<FUSED, ROWS>(&nodes.sums, groups);
-            self.take::<FUSED>(tile, &nodes.band.sums, &gauge);
+            nodes.band.sum_rows::<FUSED, ROWS>(&nodes.sums, kernel.base_len(), base);
+            self.take::<FUSED>(tile, base, &nodes.band.sums, &gauge);
         }
     }
 
-    /// Hands the sums e^top sum of the targets of `tile` to the sink.
+    /// Hands the sums e^top sum of the targets of `tile`, at base nodes `base`, to the sink.
     #[inline(always)]
-    fn take<const FUSED: bool>(&mut self, tile: usize, sums: &[Lanes], top: &Lanes) {
-        let (entries, epsilon) = (self.target.len(), self.kernel.epsilon);
+    fn take<const FUSED: bool>(&mut self, tile: usize, base: &[u32], sums: &[Lanes], top: &Lanes) {
+        let (entries, epsilon) = (self.target.values.len(), self.kernel.epsilon);
+        let places = base.iter().map(|&p| p as usize * entries + tile);
         match &mut self.sink {
             Sink::Potential { potential, keep } => {
-                for (p, sum) in sums.iter().enumerate() {
-                    let potential = &mut potential[p * entries + tile];
+                for (at, sum) in places.zip(sums) {
+                    let potential = &mut potential[at];
                     for lane in 0..LANES {
                         let logarithm = top[lane] + ln::<FUSED>(max(sum[lane], f64::MIN_POSITIVE));
                         potential[lane] = *keep * potential[lane] - (1.0 - *keep) * (epsilon * logarithm);
@@ -196,8 +222,7 @@ impl Axis<'_> {
                 }
             }
             Sink::Sum { sum: out, potential } => {
-                for (p, sum) in sums.iter().enumerate() {
-                    let at = p * entries + tile;
+                for (at, sum) in places.zip(sums) {
                     for lane in 0..LANES {
                         let exponent = top[lane] + potential[at][lane] / epsilon;
                         // More can only stand where there is no mass.
@@ -253,7 +278,7 @@ struct Band {
     entries: Vec<usize>,
     /// exp(exponent - F) of every source node of these.
     factors: Vec<Lanes>,
-    /// The sums of every base node.
+    /// The sums of every base node that was asked for.
     sums: Vec<Lanes>,
 }
 
@@ -318,32 +343,34 @@ impl Band {
         top
     }
 
-    /// The sums of every row of `values`, rows of `stride` entries, into `sums`.
+    /// The sums of the base nodes `base` of `values`, entries x `stride` base nodes, into `sums`.
     #[inline(always)]
-    fn sum_rows<const FUSED: bool, const ROWS: usize>(&mut self, values: &[Lanes], stride: usize) {
+    fn sum_rows<const FUSED: bool, const ROWS: usize>(&mut self, values: &[Lanes], stride: usize, base: &[u32]) {
         self.sums.clear();
-        let groups = values.chunks_exact(ROWS * stride);
-        let rest = groups.remainder();
-        for rows in groups {
-            let sums = self.sums_of::<FUSED, ROWS>(rows, stride);
+        let (groups, rest) = base.as_chunks();
+        for base in groups {
+            let sums = self.sums_of::<FUSED, ROWS>(values, stride, base);
             self.sums.extend_from_slice(&sums);
         }
-        for row in rest.chunks_exact(stride) {
-            let sums = self.sums_of::<FUSED, 1>(row, stride);
+        for &base in rest {
+            let sums = self.sums_of::<FUSED, 1>(values, stride, &[base]);
             self.sums.extend_from_slice(&sums);
         }
     }
 
-    /// The sums of `ROWS` rows.
+    /// The sums of `ROWS` base nodes.
     #[inline(always)]
-    fn sums_of<const FUSED: bool, const ROWS: usize>(&self, rows: &[Lanes], stride: usize) -> [Lanes; ROWS] {
+    fn sums_of<const FUSED: bool, const ROWS: usize>(
+        &self,
+        values: &[Lanes],
+        stride: usize,
+        base: &[u32; ROWS],
+    ) -> [Lanes; ROWS] {
         let mut sums = [[0.0; LANES]; ROWS];
         let (blocks, _) = self.factors.as_chunks::<LANES>();
         for (&entry, factors) in self.entries.iter().zip(blocks) {
-            let mut values = [[0.0; LANES]; ROWS];
-            for (row, values) in values.iter_mut().enumerate() {
-                *values = rows[row * stride + entry];
-            }
+            let values = &values[entry * stride..][..stride];
+            let values: [&Lanes; ROWS] = base.map(|p| &values[p as usize]);
             for node in 0..LANES {
                 for row in 0..ROWS {
                     for lane in 0..LANES {

@@ -152,23 +152,10 @@ impl TableFile {
     }
 }
 
-/// What an archive holds of a material.
-enum ArchiveMember {
-    Network(Vec<u8>),
+/// What a notation leads to: a table yet to be decoded, or a BRDF and its content.
+enum Found {
     Table(TableFile),
-}
-
-impl ArchiveMember {
-    fn read(path: &Path, material: &str) -> Result<Self, BrdfError> {
-        let archive::Member { name, bytes } = archive::member(path, material)?;
-        match Kind::of(&name) {
-            Some(kind @ (Kind::Merl | Kind::Titopo)) => {
-                let place = PathBuf::from(format!("{}:{name}", path.display()));
-                Ok(Self::Table(TableFile::new(kind, place, TableBytes::Unpacked(bytes))?))
-            }
-            _ => Ok(Self::Network(bytes)),
-        }
-    }
+    Open(ContentHash, Arc<dyn Brdf>),
 }
 
 /// Where a BRDF comes from; nothing is read until it is opened.
@@ -208,7 +195,13 @@ impl BrdfSource {
         match self {
             Self::Generated(open) => Ok(open.clone()),
             Self::Notation(notation) => {
-                let (content, brdf) = Parsed::new(notation)?.open(base)?;
+                let (content, brdf) = match Parsed::new(notation)?.read(base)? {
+                    Found::Open(content, brdf) => (content, brdf),
+                    Found::Table(file) => {
+                        let (brdf, content) = rayon::join(|| file.decode(), || file.content());
+                        (content, brdf?)
+                    }
+                };
                 Ok(OpenBrdf { notation: notation.clone(), content, brdf })
             }
         }
@@ -216,15 +209,16 @@ impl BrdfSource {
 
     /// Reads what tells the BRDF from others, as [`BrdfSource::open`], and puts off decoding a table.
     pub fn identify(&self, base: Option<&Path>) -> Result<IdentifiedBrdf, BrdfError> {
-        if let Self::Notation(notation) = self {
-            let parsed = Parsed::new(notation)?;
-            if let Some(file) = parsed.table(base)? {
-                let (notation, content) = (notation.clone(), file.content());
-                let state = State::Table { file, decoded: OnceLock::new() };
-                return Ok(IdentifiedBrdf { notation, content, state });
+        match self {
+            Self::Generated(open) => Ok(open.clone().into()),
+            Self::Notation(notation) => {
+                let (content, state) = match Parsed::new(notation)?.read(base)? {
+                    Found::Open(content, brdf) => (content, State::Open(brdf)),
+                    Found::Table(file) => (file.content(), State::Table { file, decoded: OnceLock::new() }),
+                };
+                Ok(IdentifiedBrdf { notation: notation.clone(), content, state })
             }
         }
-        Ok(self.open(base)?.into())
     }
 }
 
@@ -299,36 +293,25 @@ impl<'a> Parsed<'a> {
         Ok(Self { notation, kind, path, material, overrides })
     }
 
-    /// The file or member of a table; `None` for what is none.
-    fn table(&self, base: Option<&Path>) -> Result<Option<TableFile>, BrdfError> {
-        Ok(match self.kind {
-            Kind::Merl | Kind::Titopo => Some(TableFile::open(self.kind, &find(self.path, base)?)?),
-            Kind::Archive => match ArchiveMember::read(&find(self.path, base)?, self.material)? {
-                ArchiveMember::Table(file) => Some(file),
-                ArchiveMember::Network(_) => None,
-            },
-            Kind::Fits | Kind::Factors | Kind::Json => None,
-        })
-    }
-
-    fn open(&self, base: Option<&Path>) -> Result<(ContentHash, Arc<dyn Brdf>), BrdfError> {
+    /// Reads what the notation names, and decodes it unless it is a table.
+    fn read(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
         let path = &find(self.path, base)?;
         let material = self.material;
         Ok(match self.kind {
-            Kind::Merl | Kind::Titopo => {
-                let file = TableFile::open(self.kind, path)?;
-                let (brdf, content) = rayon::join(|| file.decode(), || file.content());
-                (content, brdf?)
-            }
-            Kind::Archive => match ArchiveMember::read(path, material)? {
-                ArchiveMember::Network(bytes) => {
-                    (ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?))
+            Kind::Merl | Kind::Titopo => Found::Table(TableFile::open(self.kind, path)?),
+            Kind::Archive => {
+                let archive::Member { name, bytes } = archive::member(path, material)?;
+                match Kind::of(&name) {
+                    Some(kind @ (Kind::Merl | Kind::Titopo)) => {
+                        let place = PathBuf::from(format!("{}:{name}", path.display()));
+                        Found::Table(TableFile::new(kind, place, TableBytes::Unpacked(bytes))?)
+                    }
+                    _ => Found::Open(ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?)),
                 }
-                ArchiveMember::Table(file) => (file.content(), file.decode()?),
-            },
+            }
             Kind::Factors => {
                 let row = npf::row(path, material)?;
-                (ContentHash::of(&row), Arc::new(npf::decode(path, material, &row)?))
+                Found::Open(ContentHash::of(&row), Arc::new(npf::decode(path, material, &row)?))
             }
             Kind::Fits => self.model(fit::read(path, material)?)?,
             Kind::Json => self.model(model_json::read(path)?)?,
@@ -336,7 +319,7 @@ impl<'a> Parsed<'a> {
     }
 
     /// The model of `parameters` after the overrides.
-    fn model(&self, mut parameters: NamedParameters) -> Result<(ContentHash, Arc<dyn Brdf>), BrdfError> {
+    fn model(&self, mut parameters: NamedParameters) -> Result<Found, BrdfError> {
         for (key, value) in &self.overrides {
             if *key == "model" {
                 parameters = self.read_as(&parameters, value)?;
@@ -346,7 +329,7 @@ impl<'a> Parsed<'a> {
             model_json::set(&mut parameters, self.notation, key, &entries.unwrap_or_default(), value)?;
         }
         let model = parameters.build().map_err(|cause| BrdfError::Model { place: self.notation.to_owned(), cause })?;
-        Ok((ContentHash::of(parameters.canonical().as_bytes()), model))
+        Ok(Found::Open(ContentHash::of(parameters.canonical().as_bytes()), model))
     }
 
     fn read_as(&self, parameters: &NamedParameters, model: &str) -> Result<NamedParameters, BrdfError> {

@@ -35,6 +35,11 @@ pub struct ExtractArgs {
 
 /// Join the Parquet files of all shards of a study.
 #[derive(Args)]
+#[command(after_help = "\
+Checks that every shard is there once and that all belong to one study and one version of vernis.
+
+Examples:
+  vernis merge shards/*.parquet --out lavoue2021.parquet")]
 pub struct MergeArgs {
     /// The files of `vernis extract --shard`, in any order.
     #[arg(required = true, value_name = "PARQUET")]

@@ -211,10 +211,13 @@ impl Job {
             let folds = [protocol.folds, protocol.method_folds];
             Ok((learner.name(), embedded_folds(bank, &compact, learner, folds, options.seed)?))
         };
-        let learners = [Learner::PrincipalComponents, Learner::Autoencoder];
-        let banks = bank.iter().flat_map(|bank| learners.map(|learner| (bank, learner)));
+        let banks = bank.iter().flat_map(|bank| Learner::ALL.map(|learner| (bank, learner)));
         let embedded = banks.map(learn).collect::<Result<Vec<_>>>()?;
-        let info = RunInfo { command: command_line(command, study, options, setup_id), versions: versions(setup_id) };
+        let mut versions = versions(setup_id);
+        if bank.is_none() {
+            versions.insert("embeddings".into(), "left out, for they are learned from BRDFs".into());
+        }
+        let info = RunInfo { command: command_line(command, study, options, setup_id), versions };
         let stage = |label: &str| bar.label(label);
         Ok(run(study, samples, embedded, &protocol, &info, &stage)?)
     }

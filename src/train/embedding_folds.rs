@@ -46,6 +46,8 @@ pub enum Learner {
 }
 
 impl Learner {
+    pub const ALL: [Self; 2] = [Self::PrincipalComponents, Self::Autoencoder];
+
     pub fn name(self) -> &'static str {
         match self {
             Self::PrincipalComponents => "pca",

@@ -185,6 +185,8 @@ fn metrics_are_judged_without_brdfs() {
     let ablation: Vec<&str> =
         record["ablation"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
     assert!(ablation.contains(&"with transport") && !ablation.contains(&"with pca"), "{ablation:?}");
+    let report = fs::read_to_string(place.path().join("judged/report.html")).unwrap();
+    assert!(report.contains("left out, for they are learned from BRDFs"));
 }
 
 /// Two materials with two candidates each, three columns.

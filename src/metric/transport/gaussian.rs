@@ -175,10 +175,14 @@ fn products_of<'a, const FUSED: bool, const ROWS: usize>(
     for (column, value) in line.enumerate() {
         for (row, sum) in sums.iter_mut().enumerate() {
             let factor = rows[row * columns + column];
-            (0..LANES).for_each(|lane| sum[lane] = fma::<FUSED>(factor, value[lane], sum[lane]));
+            for lane in 0..LANES {
+                sum[lane] = fma::<FUSED>(factor, value[lane], sum[lane]);
+            }
         }
     }
-    sums.into_iter().enumerate().for_each(|(row, sum)| take(first + row, sum));
+    for (row, sum) in sums.into_iter().enumerate() {
+        take(first + row, sum);
+    }
 }
 
 /// Multiplication and addition in one instruction, or not.
@@ -251,7 +255,9 @@ fn spread_at_nodes<const FUSED: bool>(
             let (node, rest) = (p / plane, p % plane);
             let row = &kernel.axes[0][node * kernel.nodes[0]..][..kernel.nodes[0]];
             for (&factor, to) in row.iter().zip(block[rest..].iter_mut().step_by(plane)) {
-                (0..LANES).for_each(|lane| to[lane] = fma::<FUSED>(factor, value[lane], to[lane]));
+                for lane in 0..LANES {
+                    to[lane] = fma::<FUSED>(factor, value[lane], to[lane]);
+                }
             }
         }
         kernel.smooth_middle::<FUSED>(&block, &mut scratch);

@@ -54,9 +54,26 @@ pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2])
     text += &best(record, SHOWN).to_markdown();
     if !record.refused.is_empty() {
         text += &format!("\n{} combinations were refused:\n\n", record.refused.len());
-        text.extend(record.refused.iter().map(|(name, reason)| format!("* `{name}`: {reason}\n")));
+        for (reason, names) in by_reason(&record.refused) {
+            let others = names.len() - 1;
+            let others =
+                if others == 0 { String::new() } else { format!(" and {others} others to `{}`", names[others]) };
+            text += &format!("* `{}`{others}: {reason}\n", names[0]);
+        }
     }
     text
+}
+
+/// Names with one reason together, in their order.
+fn by_reason(refused: &[(String, String)]) -> Vec<(&str, Vec<&str>)> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (name, reason) in refused {
+        match reasons.iter_mut().find(|(known, _)| known == reason) {
+            Some((_, names)) => names.push(name),
+            None => reasons.push((reason, vec![name])),
+        }
+    }
+    reasons
 }
 
 /// One line a combination and gamma, the nested choices first.

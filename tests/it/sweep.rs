@@ -58,11 +58,15 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
         assert_eq!(read(&bytes, &combination, &setting, pairs + 1), None);
         outcomes.push((combination, outcome));
     }
-    outcomes.push((all[0], Outcome::Refused { reason: "a test".into() }));
+    let refused = [(all[0], "a test"), (all[2], "another"), (all[3], "a test"), (all[5], "a test")];
+    outcomes.extend(refused.map(|(combination, reason)| (combination, Outcome::Refused { reason: reason.into() })));
     let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
     let protocol = SweepProtocol { folds: 4, resamples: 60, seed: 1 };
     let record = judge("synthetic", &setting, &rows, &outcomes, protocol).unwrap();
-    assert_eq!((record.in_sample.len(), record.nested.len(), record.refused.len()), (12, 3, 1));
+    assert_eq!((record.in_sample.len(), record.nested.len(), record.refused.len()), (12, 3, 4));
+    let text = vernis::report::sweep::markdown(&record, "a command", [16, 17]);
+    let together = format!("* `{}` and 2 others to `{}`: a test\n* `{}`: another\n", all[0], all[5], all[2]);
+    assert!(text.contains("16 of the 17") && text.contains("Not all") && text.ends_with(&together), "{text}");
     assert!(record.in_sample.is_sorted_by(|a, b| a.plcc.value >= b.plcc.value));
     // A power changes no rank; choosing out of sample cannot beat the best in sample by much.
     let srocc = |name: &str| record.in_sample.iter().find(|r| r.name == name).unwrap().srocc.value;

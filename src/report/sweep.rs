@@ -41,7 +41,8 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
 pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2]) -> String {
     let mut text = format!(
         "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {asked} combinations that this asks for, \
-         each with {} powers gamma; {} resamples of materials, seed {}.\n\n",
+         {} of them refused and the others with {} powers gamma each; {} resamples of materials, seed {}.\n\n",
+        record.refused.len(),
         GAMMAS.len(),
         record.resamples,
         record.seed

@@ -20,7 +20,7 @@ pub const TRANSPORT_FAMILY: &str = "transport";
 pub const ENERGY_FAMILY: &str = "energy";
 
 /// Part of the cache key: raise it when a distance changes.
-pub(super) const VERSION: u32 = 3;
+pub(super) const VERSION: u32 = 4;
 
 /// One column a metric, with the metric's own name.
 pub fn columns(metrics: &[Arc<dyn Metric>]) -> Vec<Column> {

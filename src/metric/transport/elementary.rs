@@ -31,6 +31,12 @@ pub(super) fn max(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
+/// The smaller of two numbers, as [`max`].
+#[inline(always)]
+pub(super) fn min(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
 /// exp(x) for x <= 700; x below -700, infinite too, gives exp(-700).
 #[inline(always)]
 pub(super) fn exp<const FUSED: bool>(x: f64) -> f64 {

@@ -230,11 +230,12 @@ fn spread_at_nodes<const FUSED: bool>(
     let mut block = vec![[0.0; LANES]; base];
     let mut scratch = block.clone();
     let inverse = 1.0 / kernel.epsilon;
-    for (entry, values) in spread.values.chunks_exact_mut(base).enumerate() {
+    let of_entries = weights.chunks_exact(base).zip(potential.chunks_exact(base));
+    for (entry, (values, (weights, potential))) in spread.values.chunks_exact_mut(base).zip(of_entries).enumerate() {
         let nodes = support.at(entry).iter().map(|&p| p as usize);
-        let at = |p: usize| (&weights[p * entries + entry], &potential[p * entries + entry]);
+        let at = |p: usize| (&weights[p], &potential[p]);
         let mut top = [f64::MIN; LANES];
-        for (weight, potential) in nodes.clone().map(at) {
+        for (&weight, &potential) in nodes.clone().map(at) {
             for lane in 0..LANES {
                 top[lane] = max(if weight[lane] == 0.0 { f64::MIN } else { potential[lane] }, top[lane]);
             }
@@ -242,7 +243,7 @@ fn spread_at_nodes<const FUSED: bool>(
         let mut total = [0.0; LANES];
         block.fill([0.0; LANES]);
         for p in nodes {
-            let (weight, potential) = at(p);
+            let (&weight, &potential) = at(p);
             let mut value = [0.0; LANES];
             for lane in 0..LANES {
                 // Positive only where the weight is 0.

@@ -126,10 +126,10 @@ impl Backwards<'_> {
         if self.nodes == Nodes::All {
             return Vec::new();
         }
-        let entries = measure.values.len();
+        let base = measure.lattice.base_len();
         let mut bystanders = vec![true; measure.mass.len()];
-        for entry in 0..entries {
-            measure.support.at(entry).iter().for_each(|&base| bystanders[base as usize * entries + entry] = false);
+        for (entry, bystanders) in bystanders.chunks_exact_mut(base).enumerate() {
+            measure.support.at(entry).iter().for_each(|&node| bystanders[node as usize] = false);
         }
         (0..bystanders.len()).filter(|&node| bystanders[node]).collect()
     }

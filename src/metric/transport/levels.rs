@@ -81,7 +81,7 @@ impl Levels {
     /// A potential of level `from` on the finer level `to`.
     pub fn refine(&self, mut potential: Field, from: usize, to: usize) -> Field {
         for level in (to..from).rev() {
-            potential = self.ways[level].refine(&potential, self.level(level + 1).values.len());
+            potential = self.ways[level].refine(&potential);
         }
         potential
     }
@@ -132,7 +132,8 @@ impl Way {
         let columns = entries * LANES;
         let rows = fine.lattice.base_len();
         let (mut mass, mut excess) = (vec![0.0; rows * columns], vec![0.0; rows * columns]);
-        let fine_rows = fine.mass.as_flattened().chunks_exact(self.below.len());
+        let fine = fine.rows();
+        let fine_rows = fine.as_flattened().chunks_exact(self.below.len());
         for (from, (mass, excess)) in
             fine_rows.zip(mass.chunks_exact_mut(columns).zip(excess.chunks_exact_mut(columns)))
         {
@@ -158,12 +159,11 @@ impl Way {
         let hats = self.hats.each_ref().map(Matrix::transposed);
         let [of_linear, of_excess] = [of_linear, of_excess].map(|array| multiply(hats.each_ref(), array, columns));
         let (of_linear, of_excess) = (of_linear.as_flattened(), of_excess.as_flattened());
-        let fine_rows = of_fine.as_flattened_mut().chunks_exact_mut(self.below.len());
-        for (to, (linear, excess)) in
-            fine_rows.zip(of_linear.chunks_exact(columns).zip(of_excess.chunks_exact(columns)))
-        {
-            for (to, &(below, half_way)) in to.iter_mut().zip(&self.below) {
-                *to += if half_way {
+        let base = of_fine.len() * LANES / self.below.len();
+        let rows = of_linear.chunks_exact(columns).zip(of_excess.chunks_exact(columns));
+        for (row, (linear, excess)) in rows.enumerate() {
+            for (node, &(below, half_way)) in self.below.iter().enumerate() {
+                of_fine[node / LANES * base + row][node % LANES] += if half_way {
                     0.5 * (linear[below] + linear[below + 1]) + HALF_WAY_EXCESS * (excess[below] + excess[below + 1])
                 } else {
                     linear[below]
@@ -172,37 +172,46 @@ impl Way {
         }
     }
 
-    /// A potential of the coarse nodes, `entries` of them, at the fine ones.
-    fn refine(&self, potential: &[Lanes], entries: usize) -> Field {
-        let mut along_values = Vec::with_capacity(potential.len() / entries * self.below.len());
-        for row in potential.as_flattened().chunks_exact(entries * LANES) {
-            along_values.extend(self.below.iter().map(|&(below, half_way)| {
-                if half_way {
-                    CUBIC * (row[below] + row[below + 1]) - (CUBIC - 0.5) * (row[below - 1] + row[below + 2])
-                } else {
-                    row[below]
-                }
-            }));
+    /// A potential of the coarse nodes at the fine ones.
+    fn refine(&self, potential: &[Lanes]) -> Field {
+        let base: usize = self.polynomials.iter().map(|matrix| matrix.columns).product();
+        let mut fine = Vec::new();
+        for nodes in self.below.as_chunks::<LANES>().0 {
+            let mut along_values = Vec::with_capacity(base * LANES);
+            for row in 0..base {
+                let at = |node: usize| potential[node / LANES * base + row][node % LANES];
+                along_values.extend(nodes.iter().map(|&(below, half_way)| {
+                    if half_way {
+                        CUBIC * (at(below) + at(below + 1)) - (CUBIC - 0.5) * (at(below - 1) + at(below + 2))
+                    } else {
+                        at(below)
+                    }
+                }));
+            }
+            fine.extend(multiply(self.polynomials.each_ref(), along_values, LANES));
         }
-        multiply(self.polynomials.each_ref(), along_values, self.below.len())
+        fine
     }
 
-    /// The transpose of [`Way::refine`].
+    /// The transpose of [`Way::refine`], to so many `entries`.
     fn refine_back(&self, of_potential: &[Lanes], entries: usize) -> Field {
         let polynomials = self.polynomials.each_ref().map(Matrix::transposed);
-        let of_potential = multiply(polynomials.each_ref(), of_potential.as_flattened().to_vec(), self.below.len());
-        let mut of_coarse = vec![[0.0; LANES]; of_potential.len() * LANES / self.below.len() * entries];
-        let rows = of_coarse.as_flattened_mut().chunks_exact_mut(entries * LANES);
-        for (row, from) in rows.zip(of_potential.as_flattened().chunks_exact(self.below.len())) {
-            for (&from, &(below, half_way)) in from.iter().zip(&self.below) {
-                if half_way {
-                    for (node, weight) in
-                        [(below, CUBIC), (below + 1, CUBIC), (below - 1, 0.5 - CUBIC), (below + 2, 0.5 - CUBIC)]
-                    {
-                        row[node] += weight * from;
+        let base: usize = polynomials.iter().map(|matrix| matrix.rows).product();
+        let mut of_coarse = vec![[0.0; LANES]; base * entries];
+        let of_entries = of_potential.chunks_exact(of_potential.len() * LANES / self.below.len());
+        for (nodes, of_entry) in self.below.as_chunks::<LANES>().0.iter().zip(of_entries) {
+            let of_entry = multiply(polynomials.each_ref(), of_entry.as_flattened().to_vec(), LANES);
+            for (row, of_row) in of_entry.iter().enumerate() {
+                let mut add = |node: usize, x: f64| of_coarse[node / LANES * base + row][node % LANES] += x;
+                for (&of_fine, &(below, half_way)) in of_row.iter().zip(nodes) {
+                    if half_way {
+                        add(below, CUBIC * of_fine);
+                        add(below + 1, CUBIC * of_fine);
+                        add(below - 1, (0.5 - CUBIC) * of_fine);
+                        add(below + 2, (0.5 - CUBIC) * of_fine);
+                    } else {
+                        add(below, of_fine);
                     }
-                } else {
-                    row[below] += from;
                 }
             }
         }

@@ -12,11 +12,12 @@
 //! Where the cells are few, the limits bind everywhere: a lone cell stays on two nodes, and a small shift of it acts in the
 //! middle between them, which costs nearly equal channels one or two per cent. Small grids are better summed directly.
 //!
-//! Only value nodes that a cell touches are kept. The masses lie in rows of base nodes, `LANES` value nodes to an entry; the
-//! last entry is filled up with massless nodes.
+//! Only value nodes that a cell touches are kept, `LANES` of them to an entry; the last entry is filled up with massless nodes.
+//! Masses and potentials lie entry by entry, all base nodes of one beside each other, as sums take them. Masses are made in rows
+//! of value nodes, a base node each.
 
 use super::TransportError;
-use super::elementary::{LANES, Lanes};
+use super::elementary::{LANES, Lanes, max, min};
 use super::lattice::Lattice;
 use super::splat::{Splat, index};
 
@@ -35,11 +36,11 @@ pub(super) struct Measure {
     pub lattice: Lattice,
     /// Value nodes, as multiples of h, increasing; filled up with copies of the last.
     pub values: Vec<Lanes>,
-    /// `mass[base * values.len() + entry][lane]`; they add up to 1.
+    /// `mass[entry * lattice.base_len() + base][lane]`; they add up to 1.
     pub mass: Vec<Lanes>,
     /// Where `mass` is not 0.
     pub support: Support,
-    /// The masses before anti-diffusion, for derivatives.
+    /// The masses before anti-diffusion, for derivatives; in rows.
     pub linear: Splat,
 }
 
@@ -57,11 +58,15 @@ impl Measure {
 
     /// The measure of masses that were spread linearly.
     pub fn sharpened(lattice: Lattice, values: Vec<Lanes>, splat: Splat) -> Self {
-        let mass = splat.mass.clone();
-        let mut measure = Self { lattice, values, mass, support: Support::default(), linear: splat };
-        measure.sharpen();
+        let mut measure = Self { lattice, values, mass: Vec::new(), support: Support::default(), linear: splat };
+        measure.mass = by_entry(&measure.sharpen(), measure.values.len());
         measure.support = Support::of(&measure.mass, measure.values.len());
         measure
+    }
+
+    /// The masses in rows.
+    pub fn rows(&self) -> Vec<Lanes> {
+        in_rows(&self.mass, self.values.len())
     }
 
     /// Value nodes, multiples of h in any order and number, as [`Measure::values`] has them.
@@ -78,12 +83,13 @@ impl Measure {
         self.values.as_flattened().windows(2).map(|pair| pair[1] - pair[0] == 1.0).collect()
     }
 
-    /// Anti-diffusion along the value axis.
-    fn sharpen(&mut self) {
+    /// The masses after anti-diffusion along the value axis, in rows.
+    fn sharpen(&self) -> Vec<Lanes> {
         let entries = self.values.len();
         let adjacent = self.adjacent();
         let mut taken = vec![0.0; entries * LANES];
-        for (mass, excess) in self.mass.chunks_exact_mut(entries).zip(self.linear.excess.chunks_exact(entries)) {
+        let mut sharpened = self.linear.mass.clone();
+        for (mass, excess) in sharpened.chunks_exact_mut(entries).zip(self.linear.excess.chunks_exact(entries)) {
             let (mass, excess) = (mass.as_flattened_mut(), excess.as_flattened());
             for k in 1..mass.len() - 1 {
                 let both = adjacent[k - 1] && adjacent[k];
@@ -95,17 +101,19 @@ impl Measure {
                 mass[k + 1] -= taken[k];
             }
         }
+        sharpened
     }
 
-    /// The derivatives with respect to A and V, given that with respect to the masses. The transport of anti-diffusion passes
+    /// The derivatives with respect to A and V, in rows, given that with respect to the masses. The transport of anti-diffusion passes
     /// it on to whichever of the three limits binds.
     pub fn sharpen_back(&self, of_mass: &[Lanes]) -> (Vec<f64>, Vec<f64>) {
         let columns = self.values.len() * LANES;
         let adjacent = self.adjacent();
         let (mass, excess) = (self.linear.mass.as_flattened(), self.linear.excess.as_flattened());
-        let mut of_linear = of_mass.as_flattened().to_vec();
-        let mut of_excess = vec![0.0; of_linear.len()];
+        let of_mass = in_rows(of_mass, self.values.len());
         let of_mass = of_mass.as_flattened();
+        let mut of_linear = of_mass.to_vec();
+        let mut of_excess = vec![0.0; of_linear.len()];
         for row in (0..mass.len()).step_by(columns) {
             for k in (1..columns - 1).filter(|&k| adjacent[k - 1] && adjacent[k]) {
                 let at = row + k;
@@ -122,7 +130,17 @@ impl Measure {
     }
 }
 
-/// Where numbers on base nodes x entries of value nodes are not 0: a cell's neighbours have values like its own, so that a
+/// Rows of `entries` entries each, entry by entry.
+fn by_entry(rows: &[Lanes], entries: usize) -> Vec<Lanes> {
+    (0..entries).flat_map(|entry| rows.iter().skip(entry).step_by(entries).copied()).collect()
+}
+
+/// The inverse of [`by_entry`].
+fn in_rows(numbers: &[Lanes], entries: usize) -> Vec<Lanes> {
+    by_entry(numbers, numbers.len() / entries)
+}
+
+/// Where numbers on entries of value nodes x base nodes are not 0: a cell's neighbours have values like its own, so that a
 /// base node has mass at few of all values (a third at the default setting, a tenth of 11^3 base nodes).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Support {
@@ -133,23 +151,13 @@ pub(super) struct Support {
 }
 
 impl Support {
-    /// Of `numbers` in rows of `entries`.
+    /// Of `numbers`, so many `entries`.
     pub fn of(numbers: &[Lanes], entries: usize) -> Self {
-        let filled = |numbers: &Lanes| numbers.iter().any(|&number| number != 0.0);
-        let mut starts = vec![0; entries + 1];
-        for row in numbers.chunks_exact(entries) {
-            row.iter().zip(&mut starts[1..]).for_each(|(numbers, count)| *count += usize::from(filled(numbers)));
-        }
-        (0..entries).for_each(|entry| starts[entry + 1] += starts[entry]);
-        let mut base = vec![0; starts[entries]];
-        let mut free = starts.clone();
-        for (node, row) in numbers.chunks_exact(entries).enumerate() {
-            for (numbers, free) in row.iter().zip(&mut free) {
-                if filled(numbers) {
-                    base[*free] = node as u32;
-                    *free += 1;
-                }
-            }
+        let (mut starts, mut base) = (vec![0], Vec::new());
+        for numbers in numbers.chunks_exact(numbers.len() / entries) {
+            let filled = numbers.iter().zip(0..).filter(|(numbers, _)| numbers.iter().any(|&number| number != 0.0));
+            base.extend(filled.map(|(_, node): (_, u32)| node));
+            starts.push(base.len());
         }
         Self { starts, base }
     }
@@ -164,7 +172,7 @@ impl Support {
 fn touched(lattice: &Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Vec<Lanes>, TransportError> {
     let of_valid = || cells.iter().enumerate().filter(|&(index, _)| valid(index)).map(|(_, &value)| value);
     let (least, most) =
-        of_valid().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+        of_valid().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (min(a, value), max(b, value)));
     let (first, last) = (lattice.below(least).0, lattice.below(most).0);
     if let Some(found) = [least, most].into_iter().find(|&value| lattice.below(value).0.abs() > LARGEST_MULTIPLE) {
         let cell = (0..cells.len()).find(|&index| valid(index) && cells[index] == found).unwrap_or(0);
@@ -204,7 +212,8 @@ mod tests {
     /// Sum of m (w - centre)^power over all nodes.
     fn moment(measure: &Measure, centre: f64, power: i32) -> f64 {
         let values = measure.values.as_flattened();
-        let rows = measure.mass.as_flattened().chunks_exact(values.len());
+        let mass = measure.rows();
+        let rows = mass.as_flattened().chunks_exact(values.len());
         rows.flat_map(|row| row.iter().zip(values).map(|(m, v)| m * (v * 0.1 - centre).powi(power))).sum()
     }
 
@@ -235,9 +244,9 @@ mod tests {
     fn the_support_is_where_the_mass_is() {
         let cells: Vec<f64> = (0..4000).map(|k| f64::from(k / 400) + (f64::from(k) * 0.37).sin()).collect();
         let measure = measure(&cells);
-        let entries = measure.values.len();
+        let (entries, rows) = (measure.values.len(), measure.rows());
         for entry in 0..entries {
-            let filled = |&base: &usize| measure.mass[base * entries + entry].iter().any(|&mass| mass > 0.0);
+            let filled = |&base: &usize| rows[base * entries + entry].iter().any(|&mass| mass > 0.0);
             let expected: Vec<u32> = (0..measure.lattice.base_len()).filter(filled).map(|base| base as u32).collect();
             assert_eq!(measure.support.at(entry), expected);
         }

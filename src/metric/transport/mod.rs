@@ -48,6 +48,7 @@ pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use direct::Points;
+use elementary::{max, min};
 use lattice::Lattice;
 use levels::Levels;
 use std::borrow::Cow;
@@ -181,7 +182,7 @@ struct Extents {
 impl Extents {
     fn new(grid: GraphGrid, values: &[f64], valid: impl Fn(usize) -> bool) -> Self {
         let [_, n_o, n_phi] = grid.shape();
-        let union = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+        let union = |a: (f64, f64), b: (f64, f64)| (min(a.0, b.0), max(a.1, b.1));
         let mut extents = Self { base: [NOTHING; 3], values: NOTHING };
         for (row, values) in values.chunks_exact(n_phi).enumerate() {
             let first = row * n_phi;

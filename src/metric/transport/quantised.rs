@@ -27,16 +27,18 @@ pub(super) struct Update {
     pub nodes: Nodes,
 }
 
-/// Of the updates whose epsilon asks for a level, the last so many take place on it. All of them do at scaling .8; those before
-/// them, in slower annealings, lead there, and the next coarser level is good enough for that.
-const ON_THEIR_LEVEL: usize = 6;
-
-/// A finer level starts from all nodes of the coarser, massless or not. Those without mass take part from so many updates before
-/// that, and on the coarsest level, where all starts from nothing. Earlier, and on level 0, no value depends on them.
-const WITHOUT_MASS: usize = 6;
+/// See [`updates`].
+const PER_LEVEL: usize = 6;
 
 /// All updates between measures of which the one with fewer has `levels` levels, each on the coarsest that does for it, and on
 /// level 0 of the nodes `finest`.
+///
+/// *Levels.* Of the updates whose epsilon asks for a level, the last [`PER_LEVEL`] take place on it: all at scaling .8. Those before
+/// them, in slower annealings, lead there, and the next coarser level is good enough for that.
+///
+/// *Nodes without mass.* A finer level starts from all nodes of the coarser, massless or not. Those without mass take part from so
+/// many updates before that, and on the coarsest level, where all starts from nothing. Earlier, and on level 0, no value depends on
+/// them.
 pub(super) fn updates(annealing: &Annealing, levels: usize, finest: Nodes) -> impl DoubleEndedIterator<Item = Update> {
     let last = annealing.last();
     // The level of the update that follows, and how many updates ask for it from there on.
@@ -47,12 +49,12 @@ pub(super) fn updates(annealing: &Annealing, levels: usize, finest: Nodes) -> im
         // Rounding must not decide about powers of two.
         let level = (0.5 * (epsilon / last).log2() + 1e-9).max(0.0) as usize;
         following = (level, if level == following.0 { following.1 + 1 } else { 1 });
-        let leads_there = usize::from(following.1 > ON_THEIR_LEVEL);
+        let leads_there = usize::from(following.1 > PER_LEVEL);
         let level = (level + leads_there).min(levels.saturating_sub(1));
         here = (level, if level == here.0 { here.1 + 1 } else { 1 });
         let nodes = match level {
             0 => finest,
-            _ if level + 1 == levels || here.1 <= WITHOUT_MASS => Nodes::All,
+            _ if level + 1 == levels || here.1 <= PER_LEVEL => Nodes::All,
             _ => Nodes::Support,
         };
         Update { epsilon, keep, level, nodes }
@@ -184,11 +186,11 @@ mod tests {
         let annealing = Annealing::new(&parameters, 10.0).unwrap();
         let updates: Vec<Update> = updates(&annealing, 6, Nodes::Support).collect();
         let of_level = |level: usize| updates.iter().filter(move |update| update.level == level);
-        assert_eq!(of_level(0).count(), ON_THEIR_LEVEL);
+        assert_eq!(of_level(0).count(), PER_LEVEL);
         assert!(of_level(5).all(|update| update.nodes == Nodes::All));
         for level in 1..5 {
             let nodes: Vec<Nodes> = of_level(level).map(|update| update.nodes).collect();
-            let (without, with) = nodes.split_at(nodes.len() - WITHOUT_MASS);
+            let (without, with) = nodes.split_at(nodes.len() - PER_LEVEL);
             assert!(without.len() > 3 && without.iter().all(|nodes| *nodes == Nodes::Support), "{nodes:?}");
             assert!(with.iter().all(|nodes| *nodes == Nodes::All), "{nodes:?}");
         }

@@ -1,9 +1,8 @@
 //! Every combination of the study's transport and kernel distances over a study of ratings.
 //!
 //! [`StudyTables`] holds the BRDFs, [`compute`] gives the divergences of a group of [`Combination`]s, which [`CombinationRecord`]
-//! keeps, and [`judge`] compares all with the ratings. Cost of a pair on a core at coarse accuracy: .1 s for the masses of a group,
-//! and for each combination its [`Combination::weight`] times .01 s at alpha .1, blur .05, half of that at alpha .01, twenty times as
-//! much at alpha .05, blur .01.
+//! keeps, and [`judge`] compares all with the ratings. Cost of a pair on a core at coarse accuracy, four scalings
+//! together: from .15 s (alpha .01, blur .01, t^1/3) to 6 s (alpha .1, blur .01, log with eta .001).
 
 mod combination;
 mod judge;

@@ -155,8 +155,8 @@ impl Support {
     pub fn of(numbers: &[Lanes], entries: usize) -> Self {
         let (mut starts, mut base) = (vec![0], Vec::new());
         for numbers in numbers.chunks_exact(numbers.len() / entries) {
-            let filled = numbers.iter().zip(0..).filter(|(numbers, _)| numbers.iter().any(|&number| number != 0.0));
-            base.extend(filled.map(|(_, node): (_, u32)| node));
+            let filled = numbers.iter().zip(0u32..).filter(|(numbers, _)| numbers.iter().any(|&number| number != 0.0));
+            base.extend(filled.map(|(_, node)| node));
             starts.push(base.len());
         }
         Self { starts, base }

@@ -28,6 +28,7 @@
 //! Cells that are invalid on either side are left out on both.
 
 mod annealing;
+mod band;
 mod direct;
 mod direct_gradient;
 mod elementary;

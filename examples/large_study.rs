@@ -23,7 +23,7 @@ use vernis::brdf::{Grid, TabulatedBrdf};
 use vernis::dataset::Study;
 use vernis::descriptor::{DescriptorSet, Progress, Setup};
 use vernis::metric::registry::Registry;
-use vernis::train::matrix::MatrixBuilder;
+use vernis::samples::extraction::MatrixBuilder;
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -1,5 +1,9 @@
+//! The program: arguments, progress, exit codes.
+
+mod cli;
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    vernis::cli::run()
+    cli::run()
 }

@@ -1,10 +1,10 @@
 //! `vernis compare`: two BRDFs, any number of metrics.
 
 use super::{Shared, print, user_error, workspace};
-use crate::metric::registry::{Distance, distances};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Map, Value, json};
+use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare two BRDFs.
 #[derive(Args)]

@@ -1,12 +1,12 @@
 //! `vernis describe`: what a BRDF is, and what its descriptors say of it.
 
 use super::{Shared, print, user_error, workspace};
-use crate::brdf::{Brdf, Grid};
-use crate::descriptor::{BrdfFeatures, DescriptorSet, Family};
-use crate::math::coordinates::standard_directions;
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
+use vernis_metric::brdf::{Brdf, Grid};
+use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family};
+use vernis_metric::math::coordinates::standard_directions;
 
 /// Describe one BRDF: what it is, and its descriptors.
 #[derive(Args)]

@@ -2,19 +2,19 @@
 
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
-use crate::dataset::Study;
-use crate::descriptor::{DescriptorOptions, Lights, Setup, ShapeChoice};
-use crate::evaluation::EvaluationError;
-use crate::evaluation::losses::Loss;
-use crate::evaluation::losses::record::LossesRecord;
-use crate::evaluation::losses::run::{Experiment, Probe, Settings, materials};
-use crate::evaluation::losses::unseen::UnseenTraining;
-use crate::metric::graph::GraphGrid;
-use crate::report::{OutputFolder, losses};
-use crate::train::recipe;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
+use vernis::dataset::Study;
+use vernis::experiment::ExperimentError;
+use vernis::experiment::losses::Loss;
+use vernis::experiment::losses::record::LossesRecord;
+use vernis::experiment::losses::run::{Experiment, Probe, Settings, materials};
+use vernis::experiment::losses::unseen::UnseenTraining;
+use vernis::report::{OutputFolder, losses};
+use vernis::train::recipe;
+use vernis_metric::descriptor::{DescriptorOptions, Lights, Setup, ShapeChoice};
+use vernis_metric::metric::graph::GraphGrid;
 
 /// The study's light probes.
 const PROBES: [(&str, &str); 2] =
@@ -125,7 +125,7 @@ fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let (fits, metrics) = (fits.map_err(user_error)?, metrics.map_err(user_error)?);
     let keep = |folder: &OutputFolder, name: &str, text: &str| {
         let written = folder.write(name, text.as_bytes()).map(drop);
-        written.map_err(|e| EvaluationError::Write { reason: e.to_string() })
+        written.map_err(|e| ExperimentError::Write { reason: e.to_string() })
     };
     let cache = workspace::cache(shared)?;
     let bar = Bar::new();

@@ -3,13 +3,13 @@
 use super::progress::Bar;
 use super::study_input::{StudyInput, matrix, short_name, versions};
 use super::{Shared, print, user_error, workspace};
-use crate::dataset::Study;
-use crate::dataset::extracted::ExtractedStudy;
-use crate::dataset::shard::Shard;
-use crate::report::OutputFolder;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use vernis::dataset::Study;
+use vernis::report::OutputFolder;
+use vernis::samples::extracted::ExtractedStudy;
+use vernis::samples::shard::Shard;
 
 /// Compute all descriptors and distances of a study, or of a shard of it, into a Parquet file.
 #[derive(Args)]

@@ -2,15 +2,15 @@
 
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
-use crate::brdf::formats::model_json;
-use crate::fit::optimizer::StopReason;
-use crate::fit::{FitError, FitFile, Fitting, Start};
-use crate::metric::Metric;
-use crate::report::OutputFolder;
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vernis::report::OutputFolder;
+use vernis_metric::brdf::formats::model_json;
+use vernis_metric::fit::optimizer::StopReason;
+use vernis_metric::fit::{FitError, FitFile, Fitting, Start};
+use vernis_metric::metric::Metric;
 
 /// Fit a model to a BRDF.
 #[derive(Args)]

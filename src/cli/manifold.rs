@@ -2,20 +2,20 @@
 
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
-use crate::brdf::formats::{merl, titopo};
-use crate::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
-use crate::dataset::Study;
-use crate::descriptor::Progress;
-use crate::fit::manifold::{Kind, Manifold, SAMPLES};
-use crate::fit::refit::file_name;
-use crate::metric::Metric;
-use crate::metric::registry::distances;
-use crate::report::OutputFolder;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vernis::dataset::Study;
+use vernis::experiment::refit::file_name;
+use vernis::report::OutputFolder;
+use vernis_metric::brdf::formats::{merl, titopo};
+use vernis_metric::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
+use vernis_metric::descriptor::Progress;
+use vernis_metric::fit::manifold::{Kind, Manifold, SAMPLES};
+use vernis_metric::metric::Metric;
+use vernis_metric::metric::registry::distances;
 
 /// Make the six approximations of a reference that lie on a manifold through many references.
 #[derive(Args)]

@@ -1,10 +1,10 @@
 //! `vernis metrics`: what there is to measure with.
 
 use super::{Shared, print};
-use crate::metric::registry::Registry;
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
+use vernis_metric::metric::registry::Registry;
 
 /// List the metrics.
 #[derive(Args)]

@@ -1,8 +1,8 @@
 //! Progress bars on standard error; silent where that is no terminal.
 
-use crate::descriptor::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
+use vernis_metric::descriptor::Progress;
 
 /// One bar that changes its label from stage to stage.
 pub struct Bar {

@@ -2,15 +2,15 @@
 
 use super::progress::Bar;
 use super::{Shared, fit, print, user_error, workspace};
-use crate::dataset::Study;
-use crate::fit::FitError;
-use crate::fit::optimizer::StopReason;
-use crate::fit::refit::{METHODS, Outcome, Refit, Refitting};
-use crate::report::OutputFolder;
 use anyhow::Result;
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use vernis::dataset::Study;
+use vernis::experiment::refit::{METHODS, Outcome, Refit, Refitting};
+use vernis::report::OutputFolder;
+use vernis_metric::fit::FitError;
+use vernis_metric::fit::optimizer::StopReason;
 
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]
@@ -95,7 +95,7 @@ fn to_csv(all: &[Refit]) -> Result<Vec<u8>> {
     writer.write_record(["material", "method", "model", "metric", "value", "stop", "evaluations", "file", "reason"])?;
     for r in all {
         let file = r.outcome.file();
-        let text = |of: &dyn Fn(&crate::fit::FitFile) -> String| file.map(of).unwrap_or_default();
+        let text = |of: &dyn Fn(&vernis_metric::fit::FitFile) -> String| file.map(of).unwrap_or_default();
         let reason = if let Outcome::None(reason) = &r.outcome { reason.as_str() } else { "" };
         writer.write_record([
             r.material.as_str(),

@@ -2,13 +2,13 @@
 
 use super::study::{RatingsArgs, describe};
 use super::{Shared, print, user_error};
-use crate::dataset::{DatasetError, Study};
-use crate::descriptor::light::Light;
-use crate::evaluation::records::BenchmarkRecord;
-use crate::report::{OutputFolder, Whole, pictures, write_whole};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use vernis::dataset::{DatasetError, Study};
+use vernis::evaluation::records::BenchmarkRecord;
+use vernis::report::{OutputFolder, Whole, pictures, write_whole};
+use vernis_metric::light::source::Light;
 
 /// Layout of the lamps where there is no probe.
 const LAMPS: usize = 1;
@@ -101,10 +101,10 @@ fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
 
 /// Of each probe, the shares of its energy up to the degree of the study's figure.
 #[cfg(feature = "train")]
-fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<crate::report::figures::spectrum::Spectrum>> {
-    use crate::descriptor::light::ProbePicture;
-    use crate::math::color::luminance;
-    use crate::math::spherical_harmonics::energy_by_degree;
+fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<vernis::report::figures::spectrum::Spectrum>> {
+    use vernis_metric::light::source::ProbePicture;
+    use vernis_metric::math::color::luminance;
+    use vernis_metric::math::spherical_harmonics::energy_by_degree;
     const DEGREE: usize = 130;
     let spectrum = |(name, path): &(&str, PathBuf)| {
         let probe = ProbePicture::read(path).map_err(user_error)?;
@@ -112,7 +112,7 @@ fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<crate::report::figures::spe
         let energy = energy_by_degree(probe.width, probe.height, DEGREE, at);
         let total: f64 = energy.iter().sum();
         let shares = energy.into_iter().map(|e| e / total).collect();
-        Ok(crate::report::figures::spectrum::Spectrum { name: (*name).to_owned(), shares })
+        Ok(vernis::report::figures::spectrum::Spectrum { name: (*name).to_owned(), shares })
     };
     probes.iter().map(spectrum).collect()
 }

@@ -2,13 +2,13 @@
 
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
-use crate::brdf::OpenBrdf;
-use crate::dataset::csv_study::{csv_error, line_of};
-use crate::descriptor::Progress;
-use crate::metric::registry::{Distance, distances};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
+use vernis::dataset::csv_study::{csv_error, line_of};
+use vernis_metric::brdf::OpenBrdf;
+use vernis_metric::descriptor::Progress;
+use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare many pairs, from a CSV file to a CSV file.
 #[derive(Args)]

@@ -1,14 +1,14 @@
 //! `vernis study`: the statistics of a study's ratings.
 
 use super::{Shared, print, user_error};
-use crate::dataset::opinions::StudyOpinions;
-use crate::dataset::{DatasetError, synthetic};
-use crate::report::{OutputFolder, study};
-use crate::study::screening::Criterion;
-use crate::study::{Options, StudyRecord, describe as study_of};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use vernis::dataset::opinions::StudyOpinions;
+use vernis::dataset::{DatasetError, synthetic};
+use vernis::panel::screening::Criterion;
+use vernis::panel::{Options, StudyRecord, describe as study_of};
+use vernis::report::{OutputFolder, study};
 
 /// The study that is used where the data folder has its ratings.
 const HUMAN_STUDY: &str = "lavoue2021";

@@ -2,17 +2,17 @@
 
 use super::progress::Bar;
 use super::{Shared, user_error, workspace};
-use crate::dataset::extracted::{ExtractedStudy, Versions};
-use crate::dataset::{Study, synthetic};
-use crate::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
-use crate::metric::Metric;
-use crate::metric::registry::Registry;
-use crate::train::matrix::{MatrixBuilder, StudyMatrix, distance_versions};
-use crate::train::recipe;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vernis::dataset::{Study, synthetic};
+use vernis::samples::extracted::{ExtractedStudy, Versions};
+use vernis::samples::extraction::{MatrixBuilder, StudyMatrix, distance_versions};
+use vernis::train::recipe;
+use vernis_metric::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
+use vernis_metric::metric::Metric;
+use vernis_metric::metric::registry::Registry;
 
 /// The study that is used where the data folder has it.
 pub const OPEN_STUDY: &str = "lavoue2021-open";

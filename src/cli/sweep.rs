@@ -1,24 +1,22 @@
 //! `vernis sweep`: the study's transport and kernel distances, every combination of their parameters.
 
-mod journal;
-
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
-use crate::dataset::Study;
-use crate::descriptor::Progress;
-use crate::evaluation::sweep::{
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis::dataset::Study;
+use vernis::experiment::sweep::Journal;
+use vernis::experiment::sweep::{
     Combination, CombinationRecord, Family, Outcome, PairOutcome, Setting, StudyTables, SweepProtocol, compute, groups,
     judge,
 };
-use crate::metric::graph::{GraphGrid, Tone};
-use crate::metric::registry::Registry;
-use crate::metric::transport::Accuracy;
-use crate::report::{OutputFolder, sweep};
-use anyhow::Result;
-use clap::{Args, ValueEnum};
-use journal::Journal;
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis::report::{OutputFolder, sweep};
+use vernis_metric::descriptor::Progress;
+use vernis_metric::metric::graph::{GraphGrid, Tone};
+use vernis_metric::metric::registry::Registry;
+use vernis_metric::metric::transport::Accuracy;
 
 /// Sweep the parameters of the transport and energy distances over a study.
 #[derive(Args)]
@@ -238,7 +236,7 @@ fn outcomes(
             step(journal.known().len());
             let keep = |index: usize, found: &PairOutcome| -> Result<()> {
                 step(1);
-                journal.keep(index, found)
+                Ok(journal.keep(index, found)?)
             };
             let found = compute(&group, setting, &registry, &tables, journal.known(), &keep)
                 .map_err(|error: anyhow::Error| user_error(format!("{error:#}")))?;

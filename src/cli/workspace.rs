@@ -1,16 +1,16 @@
 //! What subcommands share: opening BRDFs, the cache folder, and metrics by name or file.
 
 use super::{Shared, user_error};
-use crate::brdf::{BrdfSource, OpenBrdf};
-use crate::descriptor::{Cache, Setup};
-use crate::evaluation::bootstrap::MIN_RESAMPLES;
-use crate::metric::Metric;
-use crate::metric::learned::LearnedMetric;
-use crate::metric::registry::Registry;
-use crate::report::OutputFolder;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vernis::evaluation::bootstrap::MIN_RESAMPLES;
+use vernis::report::OutputFolder;
+use vernis_metric::brdf::{BrdfSource, OpenBrdf};
+use vernis_metric::descriptor::{Cache, Setup};
+use vernis_metric::metric::Metric;
+use vernis_metric::metric::learned::LearnedMetric;
+use vernis_metric::metric::registry::Registry;
 
 /// The metric that is used where none is named.
 pub const DEFAULT_METRIC: &str = "vernis";

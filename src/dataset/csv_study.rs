@@ -6,10 +6,10 @@
 //! `method_family` (default: the method) and `material_type`.
 
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
-use crate::brdf::formats::read_at_most;
-use crate::brdf::{BrdfSource, ContentHash};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use vernis_metric::brdf::{BrdfSource, ContentHash};
+use vernis_metric::io::read_at_most;
 
 const REQUIRED: [&str; 3] = ["reference", "candidate", "mos"];
 const OPTIONAL: [&str; 6] = ["weight", "material", "group", "method", "method_family", "material_type"];

@@ -1,14 +1,15 @@
 //! What can be wrong with a study.
 
-use crate::brdf::{BrdfError, shown};
 use std::path::PathBuf;
 use thiserror::Error;
+use vernis_metric::brdf::BrdfError;
+use vernis_metric::io::{did_you_mean, shown};
 
 /// Errors of this room: each names what is wrong, where, what was found and what is allowed, in one line.
 #[derive(Debug, Error)]
 pub enum DatasetError {
-    #[error("unknown study `{name}`; known studies: {known}; nearest: {nearest}; or give the path of a .csv file")]
-    UnknownStudy { name: String, known: String, nearest: String },
+    #[error("unknown study `{name}`; {}; known: {known}; or give the path of a .csv file", did_you_mean(nearest))]
+    UnknownStudy { name: String, known: String, nearest: Vec<String> },
     #[error("study {study} needs a data folder that holds {needs}, and none was given")]
     NoDataFolder { study: String, needs: String },
     #[error("study {study}: {} is missing; get it from {from}", path.display())]

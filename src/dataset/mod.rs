@@ -4,32 +4,26 @@
 
 pub mod csv_study;
 mod error;
-#[cfg(feature = "train")]
-pub mod extracted;
 pub mod fetch;
 pub mod inventory;
 pub mod manifest;
 pub mod opinions;
-#[cfg(feature = "train")]
-mod parquet;
 mod published;
 mod ratings;
 pub mod raw_layout;
 pub mod raw_ratings;
-pub mod samples;
-pub mod shard;
-pub mod split;
 pub mod synthetic;
 pub mod verify;
 
 pub use error::DatasetError;
 pub use inventory::{StudyStatus, inventory};
 
-use crate::brdf::{BrdfSource, ContentHash};
-use samples::Row;
+use crate::samples::Row;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use vernis_metric::brdf::{BrdfSource, ContentHash};
+use vernis_metric::io::nearest;
 
 /// A reference, a candidate that approximates it, and how similar people found them.
 #[derive(Debug, Clone)]
@@ -132,9 +126,7 @@ impl Study {
     /// That there is no study `name`, with the nearest one there is.
     pub fn unknown(name: &str) -> DatasetError {
         let known = Self::known();
-        let distance = |k: &&&str| (strsim::jaro_winkler(name, k) * -1e6) as i64;
-        let nearest = known.iter().min_by_key(distance).copied().unwrap_or_default();
-        DatasetError::UnknownStudy { name: name.into(), known: known.join(", "), nearest: nearest.into() }
+        DatasetError::UnknownStudy { name: name.into(), known: known.join(", "), nearest: nearest(name, &known) }
     }
 
     /// Names of the studies that need no file of the user's own.
@@ -240,7 +232,7 @@ mod tests {
     #[test]
     fn an_unknown_study_is_told_its_nearest_name() {
         let message = Study::load("lavoue2021-opne", None).err().map(|e| e.to_string()).unwrap_or_default();
-        assert!(message.contains("nearest: lavoue2021-open;"), "{message}");
+        assert!(message.contains("did you mean lavoue2021-open"), "{message}");
         assert!(message.contains("synthetic"), "{message}");
     }
 }

@@ -5,12 +5,13 @@ use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
 use super::opinions::{Scores, Stimulus, StudyOpinions};
 use super::ratings::{Rating, read_ratings, read_types};
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile, raw_ratings};
-use crate::brdf::formats::{materials, read_at_most};
-use crate::brdf::{BrdfSource, ContentHash};
 use std::cell::RefCell;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use vernis_metric::brdf::formats::materials;
+use vernis_metric::brdf::{BrdfSource, ContentHash};
+use vernis_metric::io::read_at_most;
 
 /// Loads the rated pairs whose ratings and BRDFs are in `data`.
 pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetError> {

@@ -14,10 +14,10 @@
 use super::DatasetError;
 use super::opinions::REFERENCE;
 use super::raw_ratings::{OPTIONAL, REQUIRED};
-use crate::brdf::formats::read_at_most;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use vernis_metric::io::read_at_most;
 
 /// Far more than a layout needs.
 const MOST_BYTES: u64 = 1 << 20;

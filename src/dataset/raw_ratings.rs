@@ -9,10 +9,10 @@ use super::csv_study::{MOST_BYTES, csv_error, line_of};
 use super::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions};
 use super::raw_layout::RawLayout;
 use super::{Completeness, DatasetError, StudyFile};
-use crate::brdf::ContentHash;
-use crate::brdf::formats::read_at_most;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use vernis_metric::brdf::ContentHash;
+use vernis_metric::io::read_at_most;
 
 pub(super) const REQUIRED: [&str; 4] = ["participant", "material", "method", "score"];
 pub(super) const OPTIONAL: [&str; 5] = ["illumination", "seconds", "gold", "group", "material_type"];

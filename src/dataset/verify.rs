@@ -2,13 +2,13 @@
 
 use super::DatasetError;
 use super::manifest::PinnedFile;
-use crate::brdf::ContentHash;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+use vernis_metric::brdf::ContentHash;
 
 /// Bytes that are read at a time.
 const PIECE: usize = 1 << 16;

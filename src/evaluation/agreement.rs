@@ -2,7 +2,7 @@
 //!
 //! * `plcc_raw`: Pearson's r of the metric's own score and the MOS;
 //! * `plcc`, `rmse`: Pearson's r and root mean square error (in MOS) after the 4-parameter logistic map of
-//!   [`crate::math::logistic`], fitted on rows that are not judged (ITU-T P.1401, 2020);
+//!   [`vernis_metric::math::logistic`], fitted on rows that are not judged (ITU-T P.1401, 2020);
 //! * `srocc`, `krocc`: Spearman's rho and Kendall's tau-b of the metric's own score and the MOS;
 //! * `within_material_srocc`: mean over materials of Spearman's rho among the candidates of one material, over the
 //!   materials with at least [`MIN_ROWS_PER_MATERIAL`] rows whose ratings are not all equal. A metric that gives all
@@ -12,12 +12,12 @@
 //! not weighted. Cost: O(n log n) once, then O(n log n) with a small constant for every resample.
 
 use super::EvaluationError;
-use crate::dataset::samples::Row;
-use crate::math::correlation::{
-    CorrelationError, Ranking, kendall_counted, pearson_counted, rmse_counted, spearman, spearman_counted,
-};
+use crate::samples::Row;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use vernis_metric::math::correlation::{
+    CorrelationError, Ranking, kendall_counted, pearson_counted, rmse_counted, spearman, spearman_counted,
+};
 
 /// Fewer candidates of a material have no meaningful order.
 pub const MIN_ROWS_PER_MATERIAL: usize = 3;

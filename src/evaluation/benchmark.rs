@@ -17,9 +17,9 @@ use super::records::{
     AblationRecord, DifferenceRecord, Judgement, MaterialResidual, MetricKind, MetricRecord, PredictionRecord, RowSet,
     Split,
 };
-use crate::dataset::samples::Row;
-use crate::math::correlation::{pearson, spearman};
+use crate::samples::Row;
 use std::collections::BTreeMap;
+use vernis_metric::math::correlation::{pearson, spearman};
 
 /// The rows of a study with their resamples, drawn once so that all metrics are judged on the same.
 pub struct Jury {

@@ -13,11 +13,11 @@
 
 use super::EvaluationError;
 use super::agreement::{Agreement, Figure, Figures, Predictions, Prepared, Ratings};
-pub use crate::math::quantile::Interval;
-use crate::math::seed;
 use rand::Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+pub use vernis_metric::math::quantile::Interval;
+use vernis_metric::math::seed;
 
 /// Resamples where nothing else is asked for.
 pub const DEFAULT_RESAMPLES: usize = 2000;
@@ -126,7 +126,7 @@ pub struct Difference {
 
 impl Difference {
     /// From the difference and its value on every resample; `None` without resamples.
-    pub(super) fn of(difference: f64, replicates: Vec<f64>) -> Option<Self> {
+    pub fn of(difference: f64, replicates: Vec<f64>) -> Option<Self> {
         let beyond = |side: fn(f64) -> bool| 1 + replicates.iter().filter(|&&d| side(d)).count();
         let tail = beyond(|d| d <= 0.0).min(beyond(|d| d >= 0.0));
         let p = (2.0 * tail as f64 / (replicates.len() + 1) as f64).min(1.0);
@@ -151,7 +151,7 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::samples::Row;
+    use crate::samples::Row;
     use rand_chacha::ChaCha8Rng;
 
     /// `materials` of `per` rows whose ratings share an offset, and a prediction with errors shared as well.

@@ -8,11 +8,8 @@
 
 use super::EvaluationError;
 use super::agreement::Predictions;
-use crate::dataset::samples::Samples;
-use crate::dataset::split::Fold;
-use crate::math::correlation;
-use crate::math::logistic::{Logistic4, LogisticError};
-use crate::math::seed;
+use crate::samples::Samples;
+use crate::samples::split::Fold;
 use crate::train::ensemble::bootstrap_members;
 use crate::train::trivial::MeanOf;
 use crate::train::{TrainError, Trainer};
@@ -20,6 +17,9 @@ use ndarray::ArrayView1;
 use rand::Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use vernis_metric::math::correlation;
+use vernis_metric::math::logistic::{Logistic4, LogisticError};
+use vernis_metric::math::seed;
 
 /// What a metric says of every row without having seen it.
 #[derive(Debug, Clone)]

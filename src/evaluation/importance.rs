@@ -10,13 +10,13 @@
 use super::EvaluationError;
 use super::agreement::Predictions;
 use super::cross_validation::{FoldPredictions, assemble, fold_seed, run_folds, training_error};
-use crate::dataset::samples::{Row, Samples};
-use crate::dataset::split::Fold;
-use crate::math::seed;
+use crate::samples::split::Fold;
+use crate::samples::{Row, Samples};
 use crate::train::Trainer;
 use rand::Rng;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use vernis_metric::math::seed;
 
 /// Shares of the training materials that a learning curve has.
 pub const SHARES: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
@@ -91,11 +91,11 @@ pub(super) fn with_share(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::samples::{Column, Role};
-    use crate::dataset::split::grouped_folds;
     use crate::evaluation::cross_validation::cross_validate;
+    use crate::samples::split::grouped_folds;
     use crate::train::kernel::KernelRidge;
     use ndarray::Array2;
+    use vernis_metric::descriptor::{Column, Role};
 
     /// Ratings fall with the first column; the second is noise.
     fn samples() -> Samples {

@@ -11,24 +11,15 @@ pub mod calibration;
 pub mod cross_validation;
 pub mod dependent;
 pub mod importance;
-pub mod losses;
 pub mod protocol;
 pub mod records;
-#[cfg(feature = "train")]
-pub mod study_benchmark;
-pub mod sweep;
 
-use crate::brdf::BrdfError;
-use crate::dataset::samples::SamplesError;
-use crate::dataset::split::SplitError;
-use crate::descriptor::DescriptorError;
-use crate::fit::FitError;
-use crate::math::correlation::CorrelationError;
-use crate::math::logistic::LogisticError;
-use crate::metric::MetricError;
-use crate::metric::learned::exported::ExportedError;
+use crate::samples::SamplesError;
+use crate::samples::split::SplitError;
 use crate::train::TrainError;
 use thiserror::Error;
+use vernis_metric::math::correlation::CorrelationError;
+use vernis_metric::math::logistic::LogisticError;
 
 /// Why agreement with people could not be measured.
 #[derive(Debug, Error)]
@@ -55,22 +46,6 @@ pub enum EvaluationError {
     UnknownColumn { name: String, columns: usize },
     #[error(transparent)]
     Samples(#[from] SamplesError),
-    #[error(transparent)]
-    Open(#[from] BrdfError),
-    #[error("{reference} against {candidate}: {source}")]
-    Metric { reference: String, candidate: String, source: Box<MetricError> },
-    #[error("{notation}: {source}")]
-    Table { notation: String, source: Box<MetricError> },
     #[error("no metric is called {name}; judged are {judged}")]
     UnknownMetric { name: String, judged: String },
-    #[error("{name}: {source}")]
-    MetricNamed { name: String, source: Box<MetricError> },
-    #[error("{material}, {model} under {loss}: {source}")]
-    Fit { material: String, model: String, loss: &'static str, source: Box<FitError> },
-    #[error(transparent)]
-    Descriptor(#[from] Box<DescriptorError>),
-    #[error(transparent)]
-    Exported(#[from] Box<ExportedError>),
-    #[error("the result cannot be written: {reason}")]
-    Write { reason: String },
 }

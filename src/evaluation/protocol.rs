@@ -1,7 +1,7 @@
 //! The benchmark: every contender on the same splits, rows and resamples.
 //!
 //! A contender learns inside the training side of each split; a classical distance has only its logistic map fitted
-//! there. Splits are those of [`crate::dataset::split`]: by material with its sisters, by method family *and* material, by
+//! there. Splits are those of [`crate::samples::split`]: by material with its sisters, by method family *and* material, by
 //! type of material. Differences are paired with the metric that the run is about; see [`super::bootstrap`].
 
 use super::EvaluationError;
@@ -18,12 +18,12 @@ use super::records::{
     AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
     MetricKind, MetricRecord, PredictionRecord, Split,
 };
-use crate::dataset::samples::{Row, Samples};
-use crate::dataset::split::{Fold, grouped_folds, material_type_folds, method_and_group_folds};
-use crate::math::correlation::pearson;
-use crate::metric::learned::exported::Interval;
+use crate::samples::split::{Fold, grouped_folds, material_type_folds, method_and_group_folds};
+use crate::samples::{Row, Samples};
 use crate::train::Trainer;
 use crate::train::trivial::MeanOf;
+use vernis_metric::math::correlation::pearson;
+use vernis_metric::metric::learned::exported::Interval;
 
 /// Share of ratings that the interval of a score shall hold.
 pub const INTERVAL_LEVEL: f64 = 0.95;

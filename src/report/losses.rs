@@ -1,9 +1,9 @@
 //! The report of the experiment on losses, in Markdown.
 
 use super::tables::Table;
-use crate::evaluation::losses::compare::{Comparison, Verdict};
-use crate::evaluation::losses::record::{LossesRecord, Searches};
-use crate::evaluation::losses::{Loss, OPINION};
+use crate::experiment::losses::compare::{Comparison, Verdict};
+use crate::experiment::losses::record::{LossesRecord, Searches};
+use crate::experiment::losses::{Loss, OPINION};
 use std::collections::BTreeMap;
 
 /// The whole report; `command` makes it again.

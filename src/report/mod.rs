@@ -12,7 +12,7 @@ pub mod sweep;
 pub mod tables;
 
 use crate::evaluation::records::BenchmarkRecord;
-use crate::study::StudyRecord;
+use crate::panel::StudyRecord;
 use maud::html;
 pub use output::OutputFolder;
 use page::Head;

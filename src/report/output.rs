@@ -2,8 +2,8 @@
 
 use super::ReportError;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
+use vernis_metric::io::write_atomically;
 
 /// A folder that could be written to when it was created.
 #[derive(Debug, Clone)]
@@ -31,15 +31,7 @@ impl OutputFolder {
     /// name, so that a reader, or a crash, meets the old file or the new one and never a part.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
         let path = self.path.join(name);
-        let partial = self.path.join(format!(".{name}.{}.partial", std::process::id()));
-        let written = fs::File::create(&partial)
-            .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-            .and_then(|()| fs::rename(&partial, &path));
-        written.map_err(|source| {
-            // The first error is the one to report, whether or not the rest can be cleared away.
-            let _ = fs::remove_file(&partial);
-            ReportError::Write { path: path.clone(), source }
-        })?;
+        write_atomically(&path, bytes).map_err(|source| ReportError::Write { path: path.clone(), source })?;
         Ok(path)
     }
 }

@@ -1,15 +1,16 @@
 //! Pictures of a study's references and candidates, for its page.
 
 use super::page::materials::{Candidate, Material};
-use crate::brdf::{BrdfError, BrdfSource};
 use crate::dataset::Study;
-use crate::descriptor::light::Light;
 use crate::evaluation::records::BenchmarkRecord;
-use crate::render::{RenderError, Sphere};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 use thiserror::Error;
+use vernis_metric::brdf::{BrdfError, BrdfSource};
+use vernis_metric::light::LightError;
+use vernis_metric::light::source::Light;
+use vernis_metric::light::sphere::Sphere;
 
 /// Pixels a side.
 const SIDE: usize = 48;
@@ -20,7 +21,7 @@ pub enum PictureError {
     #[error(transparent)]
     Source(#[from] Box<BrdfError>),
     #[error("{notation}: {source}")]
-    Render { notation: String, source: Box<RenderError> },
+    Render { notation: String, source: Box<LightError> },
 }
 
 /// The materials of `study`, those first on which the first metric of `benchmark` is furthest off, at most `most`.

@@ -1,12 +1,12 @@
 //! The statistics of a study's ratings as aligned text and as Markdown, from one list of blocks.
 
 use super::tables::Table;
-use crate::math::quantile::Interval;
-use crate::study::anova::Anova;
-use crate::study::intraclass::Intraclass;
-use crate::study::record::{BoxSet, IlluminationComparison, Panel, Spread, StudyRecord, TypeComparison};
-use crate::study::screening::{Criterion, GOLD_ACCURACY, GOLD_TOLERANCE, LEAST_SECONDS};
-use crate::study::t_test::TTest;
+use crate::panel::anova::Anova;
+use crate::panel::intraclass::Intraclass;
+use crate::panel::record::{BoxSet, IlluminationComparison, Panel, Spread, StudyRecord, TypeComparison};
+use crate::panel::screening::{Criterion, GOLD_ACCURACY, GOLD_TOLERANCE, LEAST_SECONDS};
+use crate::panel::t_test::TTest;
+use vernis_metric::math::quantile::Interval;
 
 const SYNTHETIC: &str =
     "SYNTHETIC observers: these ratings were simulated by a program. Nothing here says how people see.";
@@ -110,7 +110,7 @@ fn what_was_rated(record: &StudyRecord) -> String {
 }
 
 fn raters(panel: &Panel) -> String {
-    let each = |what: &str, m: Option<crate::study::moments::MeanAndDeviation>| {
+    let each = |what: &str, m: Option<crate::panel::moments::MeanAndDeviation>| {
         m.map_or(String::new(), |m| format!(" {what}: {:.1} on average (SD {:.1}).", m.mean, m.deviation))
     };
     let criteria = [
@@ -207,7 +207,7 @@ fn agreement(record: &StudyRecord) -> Vec<Block> {
 }
 
 fn intraclass_row(name: &str, icc: &Intraclass) -> Vec<String> {
-    let cell = |c: &crate::study::intraclass::Correlation| {
+    let cell = |c: &crate::panel::intraclass::Correlation| {
         format!("{:.3} [{:.3}, {:.3}]", c.value, c.interval.low, c.interval.high)
     };
     vec![

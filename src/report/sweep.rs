@@ -2,7 +2,7 @@
 
 use super::ReportError;
 use super::tables::Table;
-use crate::evaluation::sweep::{GAMMAS, Judged, SweepRecord, SweepRow};
+use crate::experiment::sweep::{GAMMAS, Judged, SweepRecord, SweepRow};
 
 /// Rows of the Markdown table; the CSV has all.
 const SHOWN: usize = 40;

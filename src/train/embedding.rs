@@ -74,8 +74,8 @@ impl PrincipalComponents {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::seed::stream;
     use rand::Rng;
+    use vernis_metric::math::seed::stream;
 
     /// n x d with singular values falling by `ratio`.
     fn matrix(n: usize, d: usize, ratio: f64) -> Array2<f64> {

@@ -5,19 +5,20 @@
 
 use super::TrainError;
 use super::embedding::PrincipalComponents;
-use super::matrix::NodeTables;
 use super::neural::{Autoencoder, LEAK};
-use crate::brdf::BrdfSource;
 use crate::dataset::Study;
-use crate::dataset::samples::{Column, Role, Samples, SamplesError};
-use crate::dataset::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
-use crate::descriptor::embedding::{EmbeddingParts, LogSpace, log_map};
-use crate::descriptor::{Cache, DescriptorError, Embedding, NodeTable, Setup, features};
+use crate::samples::extraction::NodeTables;
+use crate::samples::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
+use crate::samples::{Samples, SamplesError};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use thiserror::Error;
+use vernis_metric::brdf::BrdfSource;
+use vernis_metric::descriptor::embedding::{EmbeddingParts, LogSpace, log_map};
+use vernis_metric::descriptor::{Cache, Column, DescriptorError, Embedding, Role, Setup, features};
+use vernis_metric::light::NodeTable;
 
 /// Coordinates of an embedding.
 const DIMENSION: usize = 8;
@@ -172,7 +173,7 @@ pub struct EmbeddedFolds {
     pub by_method: Vec<Fold>,
 }
 
-/// The folds of [`crate::dataset::split`] with the same numbers (by material, by material within each method family) and
+/// The folds of [`crate::samples::split`] with the same numbers (by material, by material within each method family) and
 /// seed, each with the columns of `samples` and those of an embedding learned on its training side.
 pub fn embedded_folds(
     bank: &TableBank,

@@ -5,11 +5,11 @@
 //! the prediction depends on which materials happened to be rated.
 
 use super::{Predictor, TrainError, Trainer};
-use crate::dataset::samples::Column;
-use crate::dataset::split::TrainingSet;
-use crate::metric::learned::Regressor;
+use crate::samples::split::TrainingSet;
 use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
+use vernis_metric::descriptor::Column;
+use vernis_metric::metric::learned::Regressor;
 
 /// The mean of what several trainers learn.
 pub struct Average {

@@ -23,11 +23,11 @@
 use super::landmarks::LowRank;
 use super::standardize::Standardized;
 use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
-use crate::dataset::split::{Fold, TrainingSet};
-use crate::math::cholesky::{dot, solve};
-use crate::math::seed;
-use crate::metric::learned::{Function, Kernel, Radial, Regressor, Term};
+use crate::samples::split::{Fold, TrainingSet};
 use ndarray::{Array2, ArrayView2, Axis};
+use vernis_metric::math::cholesky::{dot, solve};
+use vernis_metric::math::seed;
+use vernis_metric::metric::learned::{Function, Kernel, Radial, Regressor, Term};
 
 /// Of the largest diagonal element of K': rows explained better than this add nothing.
 const TOLERANCE: f64 = 1e-7;
@@ -255,8 +255,9 @@ fn normal_equations(factor: &Array2<f64>, y: &[f64], v: &[f64], rows: &[usize]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::samples::{Column, Role, Row, Samples};
+    use crate::samples::{Row, Samples};
     use rand::Rng;
+    use vernis_metric::descriptor::{Column, Role};
 
     fn set(n: usize) -> TrainingSet {
         let mut rng = seed::stream(2, "kernel-test", 0);

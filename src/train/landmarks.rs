@@ -3,9 +3,9 @@
 //! Golub & Van Loan, *Matrix Computations* (4th ed.), 10.3; random pivots as in Chen, Epperly, Tropp & Webber (2025),
 //! doi:10.1002/cpa.22234. Cost: n r^2 for r pivots. Sums run in a fixed order: the same input gives the same bytes.
 
-use crate::math::cholesky::{dot, solve_transposed};
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;
+use vernis_metric::math::cholesky::{dot, solve_transposed};
 
 /// A low-rank factor of a kernel matrix, K ~ F F^T, exact for the pivots.
 #[derive(Clone)]
@@ -73,7 +73,7 @@ mod tests {
     fn full_rank_reproduces_the_matrix_and_its_functions() {
         let n = 12;
         let kernel = Array2::from_shape_fn((n, n), |(i, j)| (-(i as f64 - j as f64).abs() / 3.0).exp());
-        let low = LowRank::new(kernel.view(), n, 1e-12, &mut crate::math::seed::stream(1, "test", 0));
+        let low = LowRank::new(kernel.view(), n, 1e-12, &mut vernis_metric::math::seed::stream(1, "test", 0));
         assert!((&low.factor.dot(&low.factor.t()) - &kernel).iter().all(|e| e.abs() < 1e-12));
         let coefficients: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
         let weights = low.pivot_weights(&coefficients);
@@ -88,6 +88,9 @@ mod tests {
     fn a_repeated_row_is_chosen_once() {
         let x = [0.0f64, 1.0, 1.0, 2.5];
         let kernel = Array2::from_shape_fn((4, 4), |(i, j)| (-(x[i] - x[j]).abs()).exp());
-        assert_eq!(LowRank::new(kernel.view(), 4, 1e-9, &mut crate::math::seed::stream(1, "test", 0)).pivots.len(), 3);
+        assert_eq!(
+            LowRank::new(kernel.view(), 4, 1e-9, &mut vernis_metric::math::seed::stream(1, "test", 0)).pivots.len(),
+            3
+        );
     }
 }

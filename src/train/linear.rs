@@ -12,13 +12,13 @@
 
 use super::standardize::Standardized;
 use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
-use crate::dataset::split::TrainingSet;
-use crate::math::cholesky::solve;
-use crate::metric::learned::{Function, Regressor, Term};
+use crate::samples::split::TrainingSet;
 use linfa::Dataset;
 use linfa::traits::Fit;
 use linfa_elasticnet::ElasticNet as Solver;
 use ndarray::{Array1, Array2, Axis};
+use vernis_metric::math::cholesky::solve;
+use vernis_metric::metric::learned::{Function, Regressor, Term};
 
 const NEEDED_ROWS: usize = 8;
 

@@ -5,10 +5,10 @@
 //! ratings. Source of the map: [`Logistic4`]. Cost: a rank correlation and one logistic fit a column.
 
 use super::{Predictor, TrainError, Trainer, check_set};
-use crate::dataset::split::TrainingSet;
-use crate::math::correlation::{pearson, spearman};
-use crate::math::logistic::Logistic4;
+use crate::samples::split::TrainingSet;
 use ndarray::ArrayView2;
+use vernis_metric::math::correlation::{pearson, spearman};
+use vernis_metric::math::logistic::Logistic4;
 
 const NEEDED_ROWS: usize = 4;
 

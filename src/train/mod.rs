@@ -10,13 +10,11 @@ pub mod embedding;
 #[cfg(feature = "train")]
 pub mod embedding_folds;
 pub mod ensemble;
-pub mod graph_distances;
 pub mod kernel;
 mod landmarks;
 #[cfg(feature = "train")]
 pub mod linear;
 pub mod lp_baseline;
-pub mod matrix;
 #[cfg(feature = "train")]
 pub mod neural;
 #[cfg(feature = "train")]
@@ -25,13 +23,12 @@ mod standardize;
 #[cfg(feature = "train")]
 pub mod svr;
 pub mod trivial;
-mod workers;
 
-use crate::dataset::split::{SplitError, TrainingSet};
-use crate::math::logistic::LogisticError;
-use crate::metric::learned::{Regressor, RegressorError};
+use crate::samples::split::{SplitError, TrainingSet};
 use ndarray::ArrayView2;
 use thiserror::Error;
+use vernis_metric::math::logistic::LogisticError;
+use vernis_metric::metric::learned::{Regressor, RegressorError};
 
 /// The score that a model gives to identical BRDFs. People seldom give the full 5 to a perfect copy; the hidden
 /// references of rating studies settle near this.

@@ -8,9 +8,9 @@ use super::ensemble::Average;
 use super::kernel::KernelRidge;
 use super::neural::NeuralNetwork;
 use super::{Predictor, TrainError, Trainer};
-use crate::dataset::samples::Column;
-use crate::dataset::split::TrainingSet;
-use crate::descriptor::Family;
+use crate::samples::split::TrainingSet;
+use vernis_metric::descriptor::Column;
+use vernis_metric::descriptor::Family;
 
 /// Name of the learned metric in a benchmark.
 pub const NAME: &str = "vernis";

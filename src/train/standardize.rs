@@ -4,11 +4,11 @@
 //! training rows is left out, for nothing can be learned from it.
 
 use super::TrainError;
-use crate::dataset::samples::Role;
-use crate::dataset::split::TrainingSet;
-use crate::descriptor::Family;
-use crate::metric::learned::{Feature, Input, Standardizer, sign_power};
+use crate::samples::split::TrainingSet;
 use ndarray::{Array2, ArrayView2};
+use vernis_metric::descriptor::Family;
+use vernis_metric::descriptor::Role;
+use vernis_metric::metric::learned::{Feature, Input, Standardizer, sign_power};
 
 /// Standardised features are clipped to this many standard deviations.
 const LIMIT: f64 = 4.0;

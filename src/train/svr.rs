@@ -8,12 +8,12 @@
 
 use super::standardize::{Standardized, apply_rows};
 use super::{INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
-use crate::dataset::split::TrainingSet;
-use crate::metric::learned::Standardizer;
+use crate::samples::split::TrainingSet;
 use linfa::Dataset;
 use linfa::traits::{Fit, Predict};
 use linfa_svm::Svm;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
+use vernis_metric::metric::learned::Standardizer;
 
 const NEEDED_ROWS: usize = 8;
 

@@ -6,8 +6,8 @@
 //! These look at what a row belongs to, not at its descriptors, so they are no [`Trainer`](super::Trainer).
 
 use super::{TrainError, check_set};
-use crate::dataset::samples::Row;
-use crate::dataset::split::TrainingSet;
+use crate::samples::Row;
+use crate::samples::split::TrainingSet;
 use std::collections::BTreeMap;
 
 /// What rows share that get one prediction.

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use vernis::brdf::BrdfSource;
 use vernis::dataset::inventory::FileState;
 use vernis::dataset::manifest::{Manifest, NAMES};
-use vernis::dataset::samples::{Column, Role, Samples};
-use vernis::dataset::split::{grouped_folds, method_and_group_folds};
 use vernis::dataset::{Completeness, DatasetError, Study, inventory};
+use vernis::descriptor::{Column, Role};
+use vernis::samples::Samples;
+use vernis::samples::split::{grouped_folds, method_and_group_folds};
 
 fn data() -> Option<PathBuf> {
     let folder = std::env::var_os("VERNIS_DATA").map(PathBuf::from);

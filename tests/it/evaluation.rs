@@ -4,8 +4,7 @@ use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand::seq::SliceRandom;
 use std::collections::HashMap;
-use vernis::dataset::samples::{Column, Role, Row, Samples};
-use vernis::dataset::split::{TrainingSet, grouped_folds, method_and_group_folds};
+use vernis::descriptor::{Column, Role};
 use vernis::evaluation::EvaluationError;
 use vernis::evaluation::agreement::{Agreement, Figure, Ratings};
 use vernis::evaluation::benchmark::{JudgedMetric, Jury, residuals_by_material};
@@ -14,6 +13,8 @@ use vernis::evaluation::cross_validation::{
 };
 use vernis::evaluation::records::{MetricKind, RowSet, Split};
 use vernis::math::seed;
+use vernis::samples::split::{TrainingSet, grouped_folds, method_and_group_folds};
+use vernis::samples::{Row, Samples};
 use vernis::train::trivial::MeanOf;
 use vernis::train::{Predictor, TrainError, Trainer};
 

@@ -13,15 +13,16 @@ use std::time::{Duration, Instant};
 use vernis::brdf::formats::{merl, titopo};
 use vernis::brdf::models::Lambert;
 use vernis::brdf::{BrdfSource, ContentHash, Grid, TabulatedBrdf};
-use vernis::dataset::extracted::{ExtractedStudy, Versions};
-use vernis::dataset::samples::{Column, Role, Samples};
-use vernis::dataset::shard::Shard;
 use vernis::dataset::{Completeness, RatedPair, Study, StudyFile, synthetic};
+use vernis::descriptor::{Column, Role};
 use vernis::descriptor::{DescriptorSet, VERSION};
 use vernis::math::seed;
 use vernis::metric::lp::{LpDistances, LpVariant};
-use vernis::train::graph_distances::{ENERGY_FAMILY, TRANSPORT_FAMILY};
-use vernis::train::matrix::{LP_FAMILY, distance_versions};
+use vernis::samples::Samples;
+use vernis::samples::extracted::{ExtractedStudy, Versions};
+use vernis::samples::extraction::{LP_FAMILY, distance_versions};
+use vernis::samples::graph_distances::{ENERGY_FAMILY, TRANSPORT_FAMILY};
+use vernis::samples::shard::Shard;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 fn vernis(folder: &Path, args: &[&str]) -> Command {

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::sync::Mutex;
 use vernis::dataset::Study;
 use vernis::descriptor::Setup;
-use vernis::evaluation::EvaluationError;
-use vernis::evaluation::losses::Loss;
-use vernis::evaluation::losses::compare::Verdict;
-use vernis::evaluation::losses::record::LossesRecord;
-use vernis::evaluation::losses::run::{Experiment, FitRecord, Probe, Settings, materials};
-use vernis::evaluation::losses::unseen::{UnseenMetrics, UnseenTraining};
+use vernis::experiment::ExperimentError;
+use vernis::experiment::losses::Loss;
+use vernis::experiment::losses::compare::Verdict;
+use vernis::experiment::losses::record::LossesRecord;
+use vernis::experiment::losses::run::{Experiment, FitRecord, Probe, Settings, materials};
+use vernis::experiment::losses::unseen::{UnseenMetrics, UnseenTraining};
 use vernis::report::losses;
 use vernis::train::kernel::KernelRidge;
 
@@ -48,7 +48,7 @@ impl<'a> Kept<'a> {
         Self { folder, written: Mutex::new(Vec::new()) }
     }
 
-    fn write(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
+    fn write(&self, name: &str, text: &str) -> Result<(), ExperimentError> {
         std::fs::write(self.folder.join(name), text).expect("writable");
         self.written.lock().expect("no panic").push(name.to_owned());
         Ok(())

@@ -1,21 +1,15 @@
 //! The one integration binary: each room's tests are a module.
 
-mod brdf;
 mod browser;
 mod cli;
 mod data;
 mod dataset;
-mod descriptor;
 mod evaluation;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
-mod graph;
 mod learned;
 mod losses;
-mod lp;
-mod lp_golden;
-mod naive_lp;
 mod report;
 mod rooms;
 mod shipped;
@@ -23,9 +17,6 @@ mod study;
 mod sweep;
 #[cfg(feature = "train")]
 mod train;
-mod transport;
-mod transport_golden;
-mod transport_pairs;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -9,11 +9,11 @@ use vernis::dataset::opinions::{Scores, StudyOpinions};
 use vernis::dataset::synthetic::sessions::{OVERCAST, OVERCAST_SHIFT, STUDIO, Sessions, simulate};
 use vernis::dataset::synthetic::{SEED, SyntheticStudy, generate};
 use vernis::math::correlation::pearson;
-use vernis::study::record::{Spread, StudyRecord};
-use vernis::study::reliability::expected;
-use vernis::study::screening::{Criterion, screen};
-use vernis::study::t_test::paired;
-use vernis::study::{Options, StudyError, describe};
+use vernis::panel::record::{Spread, StudyRecord};
+use vernis::panel::reliability::expected;
+use vernis::panel::screening::{Criterion, screen};
+use vernis::panel::t_test::paired;
+use vernis::panel::{Options, StudyError, describe};
 
 static MADE: LazyLock<SyntheticStudy> = LazyLock::new(|| generate(SEED).expect("the embedded study"));
 static SESSIONS: LazyLock<Sessions> = LazyLock::new(|| simulate(&MADE, SEED));

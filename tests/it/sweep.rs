@@ -9,8 +9,8 @@ use std::sync::Mutex;
 use std::thread::sleep;
 use std::time::{Duration, SystemTime};
 use vernis::dataset::{Study, synthetic};
-use vernis::evaluation::EvaluationError;
-use vernis::evaluation::sweep::{
+use vernis::experiment::ExperimentError;
+use vernis::experiment::sweep::{
     Combination, CombinationRecord, Family, Outcome, PairOutcome, Setting, StudyTables, SweepProtocol, compute, groups,
     judge,
 };
@@ -77,7 +77,7 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
 }
 
 /// Keeps no journal.
-fn forget(_: usize, _: &PairOutcome) -> Result<(), EvaluationError> {
+fn forget(_: usize, _: &PairOutcome) -> Result<(), ExperimentError> {
     Ok(())
 }
 
@@ -94,7 +94,7 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
     let group: Vec<Combination> = Combination::of_study().iter().filter(chosen).copied().collect();
     assert_eq!((groups(&group), group.len()), (vec![group.clone()], 4));
     let seen = Mutex::new(BTreeMap::new());
-    let keep = |index: usize, found: &PairOutcome| -> Result<(), EvaluationError> {
+    let keep = |index: usize, found: &PairOutcome| -> Result<(), ExperimentError> {
         seen.lock().unwrap().insert(index, found.clone());
         Ok(())
     };
@@ -108,7 +108,7 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
     assert_eq!(known.len(), study.pairs.len());
     known.retain(|index, _| index % 2 == 0);
     let again = Mutex::new(0);
-    let count = |index: usize, _: &PairOutcome| -> Result<(), EvaluationError> {
+    let count = |index: usize, _: &PairOutcome| -> Result<(), ExperimentError> {
         assert_eq!(index % 2, 1);
         *again.lock().unwrap() += 1;
         Ok(())
@@ -116,8 +116,7 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
     assert_eq!(compute(&group, &setting, &registry, &tables, &known, &count).unwrap(), together);
     assert_eq!(*again.lock().unwrap(), study.pairs.len() / 2);
     // What the caller cannot keep ends the work.
-    let full =
-        |_: usize, _: &PairOutcome| Err(EvaluationError::TooFew { what: "bytes of a full disk", found: 0, least: 1 });
+    let full = |_: usize, _: &PairOutcome| Err(ExperimentError::Write { reason: "the disk is full".to_owned() });
     assert!(compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &full).is_err());
 }
 

@@ -1,12 +1,12 @@
 //! `vernis data convert`: a BRDF into a table of another format.
 
 use super::super::{Shared, print, user_error, workspace};
-use crate::brdf::formats::{merl, titopo};
-use crate::brdf::{ConversionLoss, Grid, TabulatedBrdf, on_grid};
 use anyhow::Result;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::path::{Path, PathBuf};
+use vernis_metric::brdf::formats::{merl, titopo};
+use vernis_metric::brdf::{ConversionLoss, Grid, TabulatedBrdf, on_grid};
 
 /// The figures are those of the test `the_losses_that_the_help_states`.
 const LOSSES: &str = "\

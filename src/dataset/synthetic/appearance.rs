@@ -12,7 +12,7 @@
 //! D is 0 for equal pictures, and q is then 5.
 
 use super::studio::{Picture, SIDE};
-use crate::math::Rgb;
+use vernis_metric::math::Rgb;
 
 /// A picture in ITP units; `None` outside the ball.
 pub type Percept = Vec<Option<Rgb>>;

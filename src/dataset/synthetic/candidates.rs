@@ -14,15 +14,15 @@
 
 use super::materials::NamedMaterial;
 use super::reflectance::{Distribution, Lobe, Material};
-use crate::brdf::models::ModelError;
-use crate::brdf::{Brdf, ContentHash, OpenBrdf};
-use crate::math::coordinates::{fold_reciprocal, half_difference};
-use crate::math::{Rgb, Vec3, seed};
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::sync::Arc;
+use vernis_metric::brdf::models::ModelError;
+use vernis_metric::brdf::{Brdf, ContentHash, OpenBrdf};
+use vernis_metric::math::coordinates::{fold_reciprocal, half_difference};
+use vernis_metric::math::{Rgb, Vec3, seed};
 
 /// What defines a BRDF of the study; its JSON form is what its content hash is taken of.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -4,8 +4,8 @@
 //! measurement. No reference is a single lobe of a model that a candidate uses.
 
 use super::reflectance::{Coat, Distribution, Lobe, Material, Retro, Sheen};
-use crate::math::Rgb;
 use Distribution::{Beckmann, Ggx, LongTail};
+use vernis_metric::math::Rgb;
 
 /// A named reference.
 #[derive(Debug, Clone)]

@@ -16,8 +16,6 @@ pub mod sessions;
 mod studio;
 
 use super::{Completeness, DatasetError, RatedPair, Study};
-use crate::brdf::{BrdfSource, OpenBrdf};
-use crate::math::seed;
 use appearance::{Difference, Percept, perceive};
 use candidates::Candidate;
 use materials::NamedMaterial;
@@ -25,6 +23,8 @@ use panel::Grades;
 use rand::Rng;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use vernis_metric::brdf::{BrdfSource, OpenBrdf};
+use vernis_metric::math::seed;
 
 /// Name of the study.
 pub const NAME: &str = "synthetic";

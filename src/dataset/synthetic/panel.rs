@@ -8,8 +8,8 @@
 //! opinion score about .15, as in crowd-sourced studies. A mean of 30 clipped grades does not reach 1 or 5.
 
 use super::candidates::normal;
-use crate::math::seed;
 use rand::Rng;
+use vernis_metric::math::seed;
 
 /// Number of observers; each grades every pair once.
 pub const OBSERVERS: usize = 30;

@@ -17,10 +17,10 @@
 //!
 //! Colours are linear RGB; everything is dimensionless but the values of f, 1/sr. Reciprocal. Cost: a few powers.
 
-use crate::brdf::Brdf;
-use crate::math::{Rgb, Vec3};
 use serde::Serialize;
 use std::f64::consts::{FRAC_1_PI, PI};
+use vernis_metric::brdf::Brdf;
+use vernis_metric::math::{Rgb, Vec3};
 
 /// Shape of a lobe's distribution of half vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -14,9 +14,9 @@ use super::candidates::normal;
 use super::panel::{OBSERVERS, grade};
 use crate::dataset::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions, of_pair};
 use crate::dataset::raw_ratings::{GoldAnswer, Judgement, RawRatings};
-use crate::math::seed;
 use rand::Rng;
 use std::collections::BTreeMap;
+use vernis_metric::math::seed;
 
 /// The illumination under which the study's MOS were given.
 pub const STUDIO: &str = "studio";

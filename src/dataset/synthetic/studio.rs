@@ -11,9 +11,9 @@
 //!
 //! Light, shape and view are those of no descriptor. Cost: about 30,000 evaluations of the BRDF a picture.
 
-use crate::brdf::Brdf;
-use crate::math::{Rgb, Vec3};
 use std::f64::consts::PI;
+use vernis_metric::brdf::Brdf;
+use vernis_metric::math::{Rgb, Vec3};
 
 /// Pixels along a side.
 pub const SIDE: usize = 24;
@@ -186,7 +186,7 @@ fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brdf::models::Lambert;
+    use vernis_metric::brdf::models::Lambert;
 
     /// A diffuse ball's radiance is kd/pi times the irradiance, here by plain quadrature over directions.
     #[test]

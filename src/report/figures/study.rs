@@ -2,9 +2,9 @@
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
 use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed};
+use crate::panel::BoxPlot;
+use crate::panel::record::{BoxSet, NamedBox, StudyRecord};
 use crate::report::{Figure, ReportError};
-use crate::study::BoxPlot;
-use crate::study::record::{BoxSet, NamedBox, StudyRecord};
 use plotters::prelude::DrawingBackend;
 use std::collections::{BTreeMap, BTreeSet};
 

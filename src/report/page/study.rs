@@ -1,9 +1,9 @@
 //! The statistics of ratings as sections of a page.
 
 use super::figures_html;
+use crate::panel::StudyRecord;
 use crate::report::Figure;
 use crate::report::study::{Block, blocks};
-use crate::study::StudyRecord;
 use maud::{Markup, html};
 
 /// Text, tables, figures, and a sentence for every figure that the data do not allow.

@@ -11,14 +11,14 @@
 //! (2022), doi:10.1111/cgf.14475. Cost: about a second for 200 rows.
 
 use super::network::{LEAK, Stack, cosine_rate, device, read, tensor};
-use crate::math::seed;
-use crate::metric::learned::{Activation, Dense, forward};
 use crate::train::TrainError;
 use crate::train::embedding::PrincipalComponents;
 use burn::module::Module;
 use burn::optim::{AdamWConfig, GradientsParams};
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;
+use vernis_metric::math::seed;
+use vernis_metric::metric::learned::{Activation, Dense, forward};
 
 const NAME: &str = "autoencoder";
 
@@ -141,7 +141,7 @@ fn normalise(layers: &mut [Dense], activation: Activation, rows: &Array2<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::seed::stream;
+    use vernis_metric::math::seed::stream;
 
     /// Rows on a curved surface with three parameters.
     fn rows() -> Array2<f64> {

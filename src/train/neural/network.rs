@@ -4,15 +4,15 @@
 //! one batched product serves them all: networks this small spend their time in the overhead of each operation, not in
 //! arithmetic. Members do not interact; each has its own rows, initial weights, noise and dropout.
 //!
-//! All random numbers come from named streams on this side (see [`crate::math::seed`]), never from the tensor
+//! All random numbers come from named streams on this side (see [`vernis_metric::math::seed`]), never from the tensor
 //! library's generator, and the library runs single-threaded: the same seed gives the same bytes however many threads
 //! train at the same time.
 
-use crate::math::seed;
-use crate::metric::learned::Dense;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
+use vernis_metric::math::seed;
+use vernis_metric::metric::learned::Dense;
 
 /// Slope of every activation for negative inputs.
 pub const LEAK: f64 = 0.1;
@@ -117,7 +117,7 @@ pub(super) fn cosine_rate(rate: f64, step: usize, steps: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::learned::{Activation, forward};
+    use vernis_metric::metric::learned::{Activation, forward};
 
     #[test]
     fn exported_layers_compute_what_the_tensors_compute() {

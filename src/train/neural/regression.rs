@@ -15,10 +15,7 @@
 //! descriptors.
 
 use super::network::{LEAK, Stack, cosine_rate, device, read, tensor};
-use crate::dataset::samples::Role;
-use crate::dataset::split::TrainingSet;
-use crate::math::seed;
-use crate::metric::learned::{Activation, Function, Regressor, Term};
+use crate::samples::split::TrainingSet;
 use crate::train::standardize::Standardized;
 use crate::train::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use burn::optim::{AdamWConfig, GradientsParams};
@@ -27,6 +24,9 @@ use ndarray::Array2;
 use rand::Rng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
+use vernis_metric::descriptor::Role;
+use vernis_metric::math::seed;
+use vernis_metric::metric::learned::{Activation, Function, Regressor, Term};
 
 const NEEDED_ROWS: usize = 16;
 

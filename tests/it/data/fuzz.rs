@@ -287,7 +287,8 @@ fn studies() {
 fn exported_metrics() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let path = folder.path().join("x.vernis.json");
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/metric/learned/vernis.vernis.json");
+    let shipped =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/vernis-metric/src/metric/learned/vernis.vernis.json");
     let good = fs::read(shipped).expect("part of the source");
     fuzz(60, "x.vernis.json", &good, through_a_file(&path, LearnedMetric::load));
 }

@@ -1,0 +1,88 @@
+//! Files that hold reflectance functions, one file format each.
+
+pub mod archive;
+pub mod fit;
+pub mod merl;
+pub mod model_json;
+pub mod nbrdf;
+pub mod npf;
+pub mod titopo;
+
+use super::{BrdfError, Grid, TableError, TabulatedBrdf};
+use crate::io::NewFile;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// The materials that an archive (`.zip`), a file of fits (`.fit`) or a factor file (`.bin`) holds, sorted.
+pub fn materials(path: &Path) -> Result<Vec<String>, BrdfError> {
+    let mut names = match extension(path).as_str() {
+        "zip" => archive::materials(path)?,
+        "fit" => fit::materials(path)?,
+        "bin" => npf::materials(path)?,
+        other => {
+            return Err(BrdfError::Malformed {
+                path: path.to_owned(),
+                format: "collection of materials",
+                reason: format!("the extension is `{other}`; allowed: zip, fit, bin"),
+            });
+        }
+    };
+    names.sort();
+    Ok(names)
+}
+
+/// The extension of a file name in lower case, empty if there is none.
+pub(super) fn extension(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+fn io_error(path: &Path) -> impl Fn(std::io::Error) -> BrdfError {
+    move |cause| BrdfError::Io { path: path.to_owned(), cause }
+}
+
+fn table_error(path: &Path) -> impl Fn(TableError) -> BrdfError {
+    move |cause| BrdfError::Table { path: path.to_owned(), cause }
+}
+
+/// Bytes at the beginning of a file that tell its size: the header of a MERL table.
+const HEAD: usize = 12;
+
+/// The bytes of a file whose size is known beforehand. `check` sees the first bytes and the size of the file, and refuses
+/// before the rest is read: a wrong file may be of any size.
+///
+/// Files are read, not mapped: a mapped file that another process shortens ends this one without a message.
+pub(super) fn read_checked(
+    path: &Path,
+    check: impl FnOnce(&[u8], u64) -> Result<(), BrdfError>,
+) -> Result<Vec<u8>, BrdfError> {
+    let mut file = File::open(path).map_err(io_error(path))?;
+    let size = file.metadata().map_err(io_error(path))?.len();
+    let mut bytes = Vec::with_capacity(HEAD);
+    file.by_ref().take(HEAD as u64).read_to_end(&mut bytes).map_err(io_error(path))?;
+    check(&bytes, size)?;
+    let rest = size.saturating_sub(bytes.len() as u64);
+    bytes.reserve_exact(rest as usize);
+    file.take(rest).read_to_end(&mut bytes).map_err(io_error(path))?;
+    Ok(bytes)
+}
+
+/// Writes a file as a whole or not at all.
+fn write_fresh(path: &Path, content: impl FnOnce(&mut NewFile) -> io::Result<()>) -> Result<(), BrdfError> {
+    let write = || {
+        let mut file = NewFile::create(path)?;
+        content(&mut file)?;
+        file.finish()
+    };
+    write().map_err(io_error(path))
+}
+
+fn unfit_grid(path: &Path, format: &'static str, table: &TabulatedBrdf, allowed: &'static str) -> BrdfError {
+    let coordinates = match table.grid() {
+        Grid::HalfDifference { .. } => "half/difference",
+        Grid::Standard { .. } => "standard",
+    };
+    let [a, b, c] = table.grid().shape();
+    let found = format!("a {a}x{b}x{c} table in {coordinates} coordinates");
+    BrdfError::Grid { path: path.to_owned(), format, found, allowed }
+}

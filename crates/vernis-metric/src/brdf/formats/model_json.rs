@@ -1,0 +1,136 @@
+//! `.json`: a model and its parameters, as in `{"model": "ward", "kd": [0.2, 0.1, 0.05], "ks": [0.1, 0.1, 0.1],
+//! "alpha": 0.15}`. The fields are those of the model's schema, colours as three numbers; all must be there. The fields of a
+//! sum such as `"ggx+ward"` carry the number of their term: `"1.kd"`, `"2.alpha"`.
+//!
+//! A file of a fit, which has a `format`, holds the same fields under `parameters`, among other things:
+//! `{"format": 1, "model": "ward", "parameters": {"kd": ...}, ...}`.
+
+use crate::brdf::BrdfError;
+use crate::brdf::models::{FieldError, MODELS, ModelError, NamedParameters};
+use crate::io::{nearest, read_at_most};
+use serde_json::Value;
+use std::path::Path;
+
+/// The format of files of fits that this version writes; older ones keep being read.
+pub const FIT_FORMAT: u32 = 1;
+/// Far more than any model needs.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// The parameters in the file at `path`, not yet checked against the model's bounds.
+pub fn read(path: &Path) -> Result<NamedParameters, BrdfError> {
+    let text = read_at_most(path, MOST_BYTES).map_err(super::io_error(path))?;
+    parse(&path.display().to_string(), &text).map_err(|e| match e {
+        // Only this error depends on where the text came from.
+        ParseError::Json(reason) => BrdfError::Malformed { path: path.to_owned(), format: "model in JSON", reason },
+        ParseError::Content(e) => *e,
+    })
+}
+
+enum ParseError {
+    Json(String),
+    Content(Box<BrdfError>),
+}
+
+fn parse(place: &str, text: &[u8]) -> Result<NamedParameters, ParseError> {
+    let json: serde_json::Map<String, Value> =
+        serde_json::from_slice(text).map_err(|e| ParseError::Json(e.to_string()))?;
+    from_object(place, &json).map_err(|e| ParseError::Content(Box::new(e)))
+}
+
+fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<NamedParameters, BrdfError> {
+    let field_error = |field: &str, found: String, allowed: String| BrdfError::Field {
+        place: place.to_owned(),
+        field: field.to_owned(),
+        found,
+        allowed,
+    };
+    let fields = fields(json, &field_error)?;
+    let model = match json.get("model") {
+        Some(Value::String(model)) => model,
+        other => {
+            let found = other.map_or("nothing".to_owned(), Value::to_string);
+            return Err(field_error("model", found, format!("one of {}", MODELS.join(", "))));
+        }
+    };
+    let mut parameters = for_model(place, model)?;
+    for (field, value) in fields {
+        let entries: Option<Vec<f64>> = match value {
+            Value::Array(items) => items.iter().map(Value::as_f64).collect(),
+            number => number.as_f64().map(|n| vec![n]),
+        };
+        let entries = entries.unwrap_or_default();
+        set(&mut parameters, place, field, &entries, &value.to_string())?;
+    }
+    match parameters.missing() {
+        None => Ok(parameters),
+        Some(field) => {
+            let entries = parameters.fields().iter().find(|(f, _)| *f == field).map_or(1, |f| f.1);
+            Err(field_error(field, "nothing".to_owned(), numbers(entries)))
+        }
+    }
+}
+
+/// The fields of the model: those of the file, or of its `parameters` if it is that of a fit.
+fn fields<'a>(
+    json: &'a serde_json::Map<String, Value>,
+    error: &impl Fn(&str, String, String) -> BrdfError,
+) -> Result<Vec<(&'a String, &'a Value)>, BrdfError> {
+    let Some(format) = json.get("format") else {
+        return Ok(json.iter().filter(|(field, _)| *field != "model").collect());
+    };
+    // What is newer may look different: this comes first.
+    if !format.as_u64().is_some_and(|f| (1..=u64::from(FIT_FORMAT)).contains(&f)) {
+        let allowed = format!("1 to {FIT_FORMAT}; a newer file needs a newer vernis");
+        return Err(error("format", format.to_string(), allowed));
+    }
+    match json.get("parameters") {
+        Some(Value::Object(parameters)) => Ok(parameters.iter().collect()),
+        other => {
+            let found = other.map_or("nothing".to_owned(), Value::to_string);
+            Err(error("parameters", found, "an object of the model's fields".to_owned()))
+        }
+    }
+}
+
+/// The unset parameters of `model`.
+pub(in crate::brdf) fn for_model(place: &str, model: &str) -> Result<NamedParameters, BrdfError> {
+    NamedParameters::new(model).map_err(|cause| match cause {
+        ModelError::UnknownModel { found } => BrdfError::UnknownModel {
+            place: place.to_owned(),
+            nearest: nearest(&found, MODELS),
+            found,
+            allowed: MODELS.map(str::to_owned).to_vec(),
+        },
+        cause => BrdfError::Model { place: place.to_owned(), cause },
+    })
+}
+
+/// Sets a field, or says what is wrong with it; `found` is its text at `place`.
+pub(in crate::brdf) fn set(
+    parameters: &mut NamedParameters,
+    place: &str,
+    field: &str,
+    entries: &[f64],
+    found: &str,
+) -> Result<(), BrdfError> {
+    let allowed: Vec<String> = parameters.fields().iter().map(|(f, _)| (*f).to_owned()).collect();
+    parameters.set(field, entries).map_err(|e| match e {
+        FieldError::Unknown => BrdfError::UnknownField {
+            place: place.to_owned(),
+            model: parameters.model().to_owned(),
+            found: field.to_owned(),
+            nearest: nearest(field, &allowed),
+            allowed,
+        },
+        FieldError::Entries { allowed } => BrdfError::Field {
+            place: place.to_owned(),
+            field: field.to_owned(),
+            found: found.to_owned(),
+            allowed: numbers(allowed),
+        },
+    })
+}
+
+fn numbers(count: usize) -> String {
+    if count == 1 { "one number".to_owned() } else { format!("{count} numbers, one a colour channel") }
+}

@@ -1,0 +1,383 @@
+//! One notation for a BRDF, used by every subcommand and every study.
+//!
+//! | notation | what |
+//! | --- | --- |
+//! | `alum-bronze.binary` | a MERL table |
+//! | `teflon.T.titopo`, `teflon.T.titopoh` | a Titopo table |
+//! | `merl_nbrdf.zip:teflon`, `BRDFDatabase.zip:teflon` | a network or a table of an archive |
+//! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
+//! | `npf.bin:teflon` | tabulated factors |
+//! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
+//!
+//! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
+//! parameters as another model of the same fields.
+
+use super::formats::{archive, extension, fit, merl, model_json, nbrdf, npf, titopo};
+use super::models::NamedParameters;
+use super::{Brdf, BrdfError};
+use sha2::{Digest, Sha256};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+/// Folders below the data folder in which a relative path is looked for as well.
+const SUBFOLDERS: [&str; 5] = ["nbrdf", "published-fits", "bagher2016-npf", "merl", "lavoue2021"];
+
+/// SHA-256 of what defines a BRDF (file bytes, or the canonical form of a model's parameters): the cache key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ContentHash(pub [u8; 32]);
+
+impl ContentHash {
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(Sha256::digest(bytes).into())
+    }
+
+    /// From the 64 hexadecimal digits that it is shown as.
+    pub fn from_hex(text: &str) -> Option<Self> {
+        let (digits, rest) = text.as_bytes().as_chunks::<2>();
+        let digits: &[[u8; 2]; 32] = digits.try_into().ok().filter(|_| rest.is_empty())?;
+        let mut hash = [0; 32];
+        for (byte, pair) in hash.iter_mut().zip(digits) {
+            let digit = |digit: u8| char::from(digit).to_digit(16);
+            *byte = (16 * digit(pair[0])? + digit(pair[1])?) as u8;
+        }
+        Some(Self(hash))
+    }
+}
+
+impl fmt::Display for ContentHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|b| write!(f, "{b:02x}"))
+    }
+}
+
+/// An opened BRDF.
+#[derive(Clone)]
+pub struct OpenBrdf {
+    /// The notation it was opened from.
+    pub notation: String,
+    pub content: ContentHash,
+    pub brdf: Arc<dyn Brdf>,
+}
+
+impl fmt::Debug for OpenBrdf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "OpenBrdf({}, {})", self.notation, self.content)
+    }
+}
+
+/// A BRDF whose content is known and that is decoded when it is asked for: where a cache knows the content, a table of 35 MB
+/// is read and no more.
+pub struct IdentifiedBrdf {
+    /// The notation it was opened from.
+    pub notation: String,
+    pub content: ContentHash,
+    state: State,
+}
+
+enum State {
+    Open(Arc<dyn Brdf>),
+    Table { file: TableFile, decoded: OnceLock<Arc<dyn Brdf>> },
+}
+
+impl IdentifiedBrdf {
+    /// The BRDF; a table is decoded the first time.
+    ///
+    /// # Errors
+    /// A table with numbers that are none, or without a valid cell.
+    pub fn brdf(&self) -> Result<&dyn Brdf, BrdfError> {
+        match &self.state {
+            State::Open(brdf) => Ok(&**brdf),
+            State::Table { file, decoded } => Ok(match decoded.get() {
+                Some(brdf) => &**brdf,
+                None => {
+                    let brdf = file.decode()?;
+                    &**decoded.get_or_init(|| brdf)
+                }
+            }),
+        }
+    }
+}
+
+impl From<OpenBrdf> for IdentifiedBrdf {
+    fn from(open: OpenBrdf) -> Self {
+        Self { notation: open.notation, content: open.content, state: State::Open(open.brdf) }
+    }
+}
+
+/// The bytes of a file, or of a member of an archive, whose size and header are those of a table.
+struct TableFile {
+    kind: Kind,
+    /// For messages.
+    path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl TableFile {
+    fn open(kind: Kind, path: &Path) -> Result<Self, BrdfError> {
+        let bytes = if kind == Kind::Merl { merl::bytes(path) } else { titopo::bytes(path) }?;
+        Ok(Self { kind, path: path.to_owned(), bytes })
+    }
+
+    /// Of bytes that were unpacked already.
+    fn new(kind: Kind, path: PathBuf, bytes: Vec<u8>) -> Result<Self, BrdfError> {
+        let size = bytes.len() as u64;
+        if kind == Kind::Merl { merl::grid(&path, &bytes, size) } else { titopo::grid(&path, size) }?;
+        Ok(Self { kind, path, bytes })
+    }
+
+    fn content(&self) -> ContentHash {
+        ContentHash::of(&self.bytes)
+    }
+
+    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
+        let decode = if self.kind == Kind::Merl { merl::decode } else { titopo::decode };
+        Ok(Arc::new(decode(&self.path, &self.bytes)?))
+    }
+}
+
+/// What a notation leads to: a table yet to be decoded, or a BRDF and its content.
+enum Found {
+    Table(TableFile),
+    Open(ContentHash, Arc<dyn Brdf>),
+}
+
+/// Where a BRDF comes from; nothing is read until it is opened.
+#[derive(Debug, Clone)]
+pub enum BrdfSource {
+    /// The source notation, such as `merl_nbrdf.zip:teflon` or `low_lowmicrofacet_E2.fit:teflon?eta=2.5`.
+    Notation(String),
+    /// Made by code, as in the embedded study.
+    Generated(OpenBrdf),
+}
+
+impl BrdfSource {
+    /// Checks the notation; whether the file exists is found out by [`BrdfSource::open`].
+    pub fn parse(notation: &str) -> Result<Self, BrdfError> {
+        Parsed::new(notation)?;
+        Ok(Self::Notation(notation.to_owned()))
+    }
+
+    /// What it is called in tables and messages.
+    pub fn notation(&self) -> &str {
+        match self {
+            Self::Notation(notation) => notation,
+            Self::Generated(open) => &open.notation,
+        }
+    }
+
+    /// What tells one source from another without opening it.
+    pub fn identity(&self) -> String {
+        match self {
+            Self::Notation(notation) => format!("notation {notation}"),
+            Self::Generated(open) => format!("content {}", open.content),
+        }
+    }
+
+    /// Reads the BRDF. A relative path is tried as given, then below `base`, the data folder, and its known subfolders.
+    pub fn open(&self, base: Option<&Path>) -> Result<OpenBrdf, BrdfError> {
+        match self {
+            Self::Generated(open) => Ok(open.clone()),
+            Self::Notation(notation) => {
+                let (content, brdf) = match Parsed::new(notation)?.read(base)? {
+                    Found::Open(content, brdf) => (content, brdf),
+                    Found::Table(file) => {
+                        let (brdf, content) = rayon::join(|| file.decode(), || file.content());
+                        (content, brdf?)
+                    }
+                };
+                Ok(OpenBrdf { notation: notation.clone(), content, brdf })
+            }
+        }
+    }
+
+    /// Reads what tells the BRDF from others, as [`BrdfSource::open`], and puts off decoding a table.
+    pub fn identify(&self, base: Option<&Path>) -> Result<IdentifiedBrdf, BrdfError> {
+        match self {
+            Self::Generated(open) => Ok(open.clone().into()),
+            Self::Notation(notation) => {
+                let (content, state) = match Parsed::new(notation)?.read(base)? {
+                    Found::Open(content, brdf) => (content, State::Open(brdf)),
+                    Found::Table(file) => (file.content(), State::Table { file, decoded: OnceLock::new() }),
+                };
+                Ok(IdentifiedBrdf { notation: notation.clone(), content, state })
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Merl,
+    Titopo,
+    Archive,
+    Fits,
+    Factors,
+    Json,
+}
+
+impl Kind {
+    fn of(path: &str) -> Option<Self> {
+        Some(match extension(Path::new(path)).as_str() {
+            "binary" => Self::Merl,
+            "titopo" | "titopoh" => Self::Titopo,
+            "zip" => Self::Archive,
+            "fit" => Self::Fits,
+            "bin" => Self::Factors,
+            "json" => Self::Json,
+            _ => return None,
+        })
+    }
+
+    fn has_materials(self) -> bool {
+        matches!(self, Self::Archive | Self::Fits | Self::Factors)
+    }
+
+    fn has_parameters(self) -> bool {
+        matches!(self, Self::Fits | Self::Json)
+    }
+}
+
+/// The parts of a notation.
+struct Parsed<'a> {
+    notation: &'a str,
+    kind: Kind,
+    path: &'a str,
+    material: &'a str,
+    overrides: Vec<(&'a str, &'a str)>,
+}
+
+impl<'a> Parsed<'a> {
+    fn new(notation: &'a str) -> Result<Self, BrdfError> {
+        let error = |reason: String| BrdfError::Notation { notation: notation.to_owned(), reason };
+        let (place, query) = match notation.split_once('?') {
+            Some((place, query)) => (place, Some(query)),
+            None => (notation, None),
+        };
+        // A colon belongs to the path unless what precedes it is a collection.
+        let split = place.rsplit_once(':').filter(|(path, _)| Kind::of(path).is_some());
+        let (path, material) = split.map_or((place, None), |(path, material)| (path, Some(material)));
+        let Some(kind) = Kind::of(path) else {
+            return Err(error(match extension(Path::new(path)) {
+                none if none.is_empty() => "the file name has no extension".to_owned(),
+                other => format!("the extension `{other}` is unknown"),
+            }));
+        };
+        let material = match (kind.has_materials(), material) {
+            (true, None | Some("")) => return Err(error(format!("`{path}` holds many materials, name one"))),
+            (false, Some(_)) => return Err(error(format!("`{path}` holds one material, it takes no name"))),
+            (_, material) => material.unwrap_or_default(),
+        };
+        if query.is_some() && !kind.has_parameters() {
+            return Err(error(format!("`{path}` holds no parameters to override")));
+        }
+        let assignment =
+            |part: &'a str| part.split_once('=').ok_or_else(|| error(format!("`{part}` is not of the form KEY=VALUE")));
+        let overrides = query.map_or(Ok(Vec::new()), |q| q.split('&').map(assignment).collect())?;
+        Ok(Self { notation, kind, path, material, overrides })
+    }
+
+    /// Reads what the notation names, and decodes it unless it is a table.
+    fn read(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
+        let path = &find(self.path, base)?;
+        let material = self.material;
+        Ok(match self.kind {
+            Kind::Merl | Kind::Titopo => Found::Table(TableFile::open(self.kind, path)?),
+            Kind::Archive => {
+                let archive::Member { name, bytes } = archive::member(path, material)?;
+                match Kind::of(&name) {
+                    Some(kind @ (Kind::Merl | Kind::Titopo)) => {
+                        let place = PathBuf::from(format!("{}:{name}", path.display()));
+                        Found::Table(TableFile::new(kind, place, bytes)?)
+                    }
+                    _ => Found::Open(ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?)),
+                }
+            }
+            Kind::Factors => {
+                let row = npf::row(path, material)?;
+                Found::Open(ContentHash::of(&row), Arc::new(npf::decode(path, material, &row)?))
+            }
+            Kind::Fits => self.model(fit::read(path, material)?)?,
+            Kind::Json => self.model(model_json::read(path)?)?,
+        })
+    }
+
+    /// The model of `parameters` after the overrides.
+    fn model(&self, mut parameters: NamedParameters) -> Result<Found, BrdfError> {
+        for (key, value) in &self.overrides {
+            if *key == "model" {
+                parameters = self.read_as(&parameters, value)?;
+                continue;
+            }
+            let entries: Option<Vec<f64>> = value.split(',').map(|v| v.trim().parse().ok()).collect();
+            model_json::set(&mut parameters, self.notation, key, &entries.unwrap_or_default(), value)?;
+        }
+        let model = parameters.build().map_err(|cause| BrdfError::Model { place: self.notation.to_owned(), cause })?;
+        Ok(Found::Open(ContentHash::of(parameters.canonical().as_bytes()), model))
+    }
+
+    fn read_as(&self, parameters: &NamedParameters, model: &str) -> Result<NamedParameters, BrdfError> {
+        let fields = |p: &NamedParameters| p.fields().iter().map(|(f, _)| *f).collect::<Vec<_>>().join(", ");
+        let other = model_json::for_model(self.notation, model)?;
+        parameters.with_model(model).ok_or_else(|| BrdfError::Field {
+            place: self.notation.to_owned(),
+            field: "model".to_owned(),
+            found: format!("{model} ({})", fields(&other)),
+            allowed: format!("a model with the fields of {} ({})", parameters.model(), fields(parameters)),
+        })
+    }
+}
+
+/// The first place where the file exists.
+fn find(path: &str, base: Option<&Path>) -> Result<PathBuf, BrdfError> {
+    let mut tried = vec![PathBuf::from(path)];
+    if let (Some(base), true) = (base, Path::new(path).is_relative()) {
+        tried.push(base.join(path));
+        tried.extend(SUBFOLDERS.iter().map(|folder| base.join(folder).join(path)));
+    }
+    match tried.iter().find(|p| p.is_file()) {
+        Some(found) => Ok(found.clone()),
+        None => Err(BrdfError::NotFound { path: path.to_owned(), tried }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hash_is_read_as_it_is_shown() {
+        let hash = ContentHash::of(b"vernis");
+        let text = hash.to_string();
+        assert_eq!(ContentHash::from_hex(&text), Some(hash));
+        let cut = text.get(1..).expect("ASCII");
+        for wrong in ["", cut, &format!("{text}0"), &format!("g{cut}"), &format!("\u{e9}{}", &text[2..])] {
+            assert_eq!(ContentHash::from_hex(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_notation_is_taken_apart() {
+        let p = Parsed::new("data/ngan_ward.fit:teflon?model=ward-duer&alpha=.2").expect("valid");
+        assert_eq!((p.path, p.material), ("data/ngan_ward.fit", "teflon"));
+        assert_eq!(p.overrides, [("model", "ward-duer"), ("alpha", ".2")]);
+        let p = Parsed::new("C:/a/teflon.T.titopo").expect("valid");
+        assert_eq!((p.path, p.material), ("C:/a/teflon.T.titopo", ""));
+    }
+
+    #[test]
+    fn a_wrong_notation_says_what_is_allowed() {
+        for (notation, expected) in [
+            ("teflon", "no extension"),
+            ("teflon.png", "extension `png` is unknown"),
+            ("merl_nbrdf.zip", "name one"),
+            ("merl_nbrdf.zip:", "name one"),
+            ("a.binary:teflon", "takes no name"),
+            ("a.zip:teflon?eta=1", "no parameters to override"),
+            ("a.fit:teflon?eta", "`eta` is not of the form KEY=VALUE"),
+        ] {
+            let message = BrdfSource::parse(notation).expect_err(notation).to_string();
+            assert!(message.contains(expected) && message.contains("allowed: PATH.binary"), "{message}");
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! What was computed from a BRDF, kept on disk.
+//!
+//! A file is found by the BRDF's content hash and the setup's id (version, lights, shape), and holds, little-endian:
+//! the magic `VERNISC1`, its own key (u32 length, UTF-8), the payload, and the SHA-256 of all that precedes. A file that is
+//! truncated, damaged, of another key or of another format is never trusted: its content is computed again and the file
+//! replaced. Writing goes to a temporary name and is renamed, so that a reader never sees half a file. A folder that
+//! cannot be written costs time, not results: the failure comes back as a [`CacheWarning`].
+
+use super::features::{BrdfFeatures, Stored};
+use super::setup::Operators;
+use super::{DescriptorError, Setup};
+use crate::brdf::{ContentHash, IdentifiedBrdf};
+use crate::io::{NewFile, write_atomically};
+use crate::light::node_table::{NODES, NodeTable};
+use crate::light::operator::Operator;
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use thiserror::Error;
+
+const MAGIC: &[u8; 8] = b"VERNISC1";
+const HASH: usize = 32;
+/// Nobody writes half a megabyte for longer than this.
+const LONGEST_WRITE: Duration = Duration::from_secs(3600);
+
+/// A result that could be computed but not kept.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{}: cannot be written ({reason}); the next run computes it again", path.display())]
+pub struct CacheWarning {
+    pub path: PathBuf,
+    pub reason: String,
+}
+
+/// A folder of computed features.
+#[derive(Debug, Clone)]
+pub struct Cache {
+    folder: PathBuf,
+}
+
+impl Cache {
+    /// A cache in `folder`, which is created if need be. Errors: the folder neither exists nor can be created.
+    pub fn open(folder: &Path) -> Result<Self, DescriptorError> {
+        std::fs::create_dir_all(folder)
+            .map_err(|e| DescriptorError::CacheFolder { path: folder.to_owned(), reason: e.to_string() })?;
+        let cache = Self { folder: folder.to_owned() };
+        cache.sweep_up();
+        Ok(cache)
+    }
+
+    /// Removes what runs that were killed have left half-written.
+    fn sweep_up(&self) {
+        for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            let temporary = entry.file_name().to_string_lossy().ends_with(NewFile::SUFFIX);
+            let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|at| at.elapsed().ok());
+            if temporary && age.is_some_and(|age| age > LONGEST_WRITE) {
+                // If it cannot be removed now, the next run tries.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+
+    /// Where the features of a BRDF are kept.
+    pub fn path(&self, content: ContentHash, setup: &Setup) -> PathBuf {
+        self.folder.join(format!("{content}.{}.features", setup.id()))
+    }
+
+    /// The features kept for a content hash, if they are there and whole.
+    pub fn load(&self, content: ContentHash, setup: &Setup) -> Option<BrdfFeatures> {
+        let bytes = std::fs::read(self.path(content, setup)).ok()?;
+        let stored = decode_features(payload(&bytes, &key(content, setup))?, setup)?;
+        Some(BrdfFeatures::from_stored(stored, setup))
+    }
+
+    /// Keeps features under a content hash.
+    pub fn store(&self, content: ContentHash, features: &BrdfFeatures, setup: &Setup) -> Result<(), CacheWarning> {
+        self.write(self.path(content, setup), &key(content, setup), &encode_features(&features.stored))
+    }
+
+    /// The features of a BRDF: from the cache, or computed and kept.
+    pub fn features(
+        &self,
+        brdf: &IdentifiedBrdf,
+        setup: &Setup,
+    ) -> Result<(BrdfFeatures, Option<CacheWarning>), DescriptorError> {
+        if let Some(features) = self.load(brdf.content, setup) {
+            return Ok((features, None));
+        }
+        let warning = self.prepare(setup);
+        let features = BrdfFeatures::compute(brdf.brdf()?, setup)?;
+        let warning = self.store(brdf.content, &features, setup).err().or(warning);
+        Ok((features, warning))
+    }
+
+    /// Makes the operators of `setup` available, from the cache or by building and keeping them.
+    pub fn prepare(&self, setup: &Setup) -> Option<CacheWarning> {
+        if setup.has_operators() {
+            return None;
+        }
+        let path = self.folder.join(format!("{}.operators", setup.id()));
+        let key = format!("operators {}", setup.id());
+        let read = || -> Option<Operators> {
+            let bytes = std::fs::read(&path).ok()?;
+            let mut reader = Reader(payload(&bytes, &key)?);
+            let pictures = decode_operator(&mut reader, setup.lights(), setup.pixels())?;
+            let albedo = decode_operator(&mut reader, 1, 2)?;
+            reader.0.is_empty().then_some(Operators { pictures, albedo })
+        };
+        if let Some(operators) = read() {
+            setup.set_operators(operators);
+            return None;
+        }
+        let (operators, built) = setup.operators_or_build();
+        if !built {
+            return None;
+        }
+        let mut bytes = Vec::new();
+        encode_operator(&mut bytes, &operators.pictures);
+        encode_operator(&mut bytes, &operators.albedo);
+        self.write(path, &key, &bytes).err()
+    }
+
+    /// Numbers kept under a key, which names what they are, of what, and in which version.
+    pub fn load_values(&self, key: &str) -> Option<Vec<f64>> {
+        let bytes = std::fs::read(self.values_path(key)).ok()?;
+        let (numbers, rest) = payload(&bytes, key)?.as_chunks::<8>();
+        rest.is_empty().then(|| numbers.iter().map(|b| f64::from_le_bytes(*b)).collect())
+    }
+
+    /// Keeps numbers under a key.
+    pub fn store_values(&self, key: &str, values: &[f64]) -> Result<(), CacheWarning> {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.write(self.values_path(key), key, &bytes)
+    }
+
+    fn values_path(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{}.values", ContentHash::of(key.as_bytes())))
+    }
+
+    fn write(&self, path: PathBuf, key: &str, payload: &[u8]) -> Result<(), CacheWarning> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend((key.len() as u32).to_le_bytes());
+        bytes.extend(key.as_bytes());
+        bytes.extend(payload);
+        let hash: [u8; HASH] = Sha256::digest(&bytes).into();
+        bytes.extend(hash);
+        write_atomically(&path, &bytes).map_err(|e| CacheWarning { path, reason: e.to_string() })
+    }
+}
+
+fn key(content: ContentHash, setup: &Setup) -> String {
+    format!("features {content} {}", setup.id())
+}
+
+/// The payload of a whole file with this key.
+fn payload<'a>(bytes: &'a [u8], key: &str) -> Option<&'a [u8]> {
+    let (body, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH)?)?;
+    let rest = body.strip_prefix(MAGIC)?;
+    let rest = rest.strip_prefix(&(key.len() as u32).to_le_bytes())?.strip_prefix(key.as_bytes())?;
+    (Sha256::digest(body).as_slice() == hash).then_some(rest)
+}
+
+/// Takes numbers off the front of a payload.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn take<const N: usize, T>(&mut self, count: usize, from: impl Fn([u8; N]) -> T) -> Option<Vec<T>> {
+        let (front, rest) = self.0.split_at_checked(count.checked_mul(N)?)?;
+        self.0 = rest;
+        Some(front.as_chunks::<N>().0.iter().map(|c| from(*c)).collect())
+    }
+
+    fn count(&mut self) -> Option<usize> {
+        self.take(1, u32::from_le_bytes)?.first().map(|v| *v as usize)
+    }
+
+    fn triples(&mut self, count: usize) -> Option<Vec<[f32; 3]>> {
+        let numbers = self.take(count.checked_mul(3)?, f32::from_le_bytes)?;
+        Some(numbers.as_chunks::<3>().0.to_vec())
+    }
+}
+
+fn put_floats(bytes: &mut Vec<u8>, values: impl IntoIterator<Item = f32>) {
+    values.into_iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+}
+
+fn encode_features(stored: &Stored) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    put_floats(&mut bytes, stored.table.values().iter().flatten().copied());
+    bytes.extend(stored.table.sampled().iter().map(|s| u8::from(*s)));
+    put_floats(&mut bytes, stored.pictures.iter().flatten().flatten().copied());
+    stored.albedo.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    bytes
+}
+
+fn decode_features(payload: &[u8], setup: &Setup) -> Option<Stored> {
+    let mut reader = Reader(payload);
+    let values = reader.triples(NODES)?;
+    let sampled = reader.take(NODES, |[b]: [u8; 1]| b == 1)?;
+    let table = NodeTable::from_parts(values, sampled)?;
+    let pictures: Option<Vec<_>> = (0..setup.lights()).map(|_| reader.triples(setup.pixels())).collect();
+    let pictures = pictures.filter(|p| p.iter().flatten().flatten().all(|v| v.is_finite() && *v >= 0.0))?;
+    let albedo = reader.take(2, f64::from_le_bytes)?;
+    reader.0.is_empty().then_some(Stored { table, pictures, albedo: [albedo[0], albedo[1]] })
+}
+
+fn encode_operator(bytes: &mut Vec<u8>, operator: &Operator) {
+    bytes.extend((operator.node.len() as u32).to_le_bytes());
+    operator.start.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    operator.node.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    put_floats(bytes, operator.weight.iter().copied());
+}
+
+fn decode_operator(reader: &mut Reader<'_>, lights: usize, pixels: usize) -> Option<Operator> {
+    let entries = reader.count()?;
+    let start = reader.take(pixels + 1, u32::from_le_bytes)?;
+    let node = reader.take(entries, u16::from_le_bytes)?;
+    let weight = reader.take(entries.checked_mul(3 * lights)?, f32::from_le_bytes)?;
+    let ordered = start.first() == Some(&0)
+        && start.last().map(|s| *s as usize) == Some(entries)
+        && start.is_sorted()
+        && node.iter().all(|n| (*n as usize) < NODES)
+        && weight.iter().all(|w| w.is_finite());
+    ordered.then_some(Operator { lights, start, node, weight })
+}

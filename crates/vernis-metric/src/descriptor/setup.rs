@@ -1,0 +1,165 @@
+//! Under which lights and on which shape BRDFs are looked at: fixed once, part of every descriptor's identity.
+
+use super::DescriptorError;
+use super::picture::Frame;
+use crate::light::LightError;
+use crate::light::operator::Operator;
+use crate::light::shape::Shape;
+use crate::light::source::Light;
+use crate::math::Vec3;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+/// Version of the descriptors. It changes whenever a number changes, so that caches and exported metrics never mix.
+pub const VERSION: &str = "1";
+
+/// Layouts of the lamps, averaged.
+const LAMPS: [usize; 3] = [1, 101, 201];
+/// Turns of a probe about the vertical, degrees, averaged.
+const PROBE_TURNS: [f64; 5] = [0.0, 45.0, 90.0, 180.0, 225.0];
+/// Angles to the normal from which the albedo is taken, degrees.
+const ALBEDO_ANGLES: [f64; 2] = [0.0, 60.0];
+
+/// The lights that carry detail.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Lights {
+    /// Three layouts of lamps, defined by code.
+    #[default]
+    Lamps,
+    /// A latitude/longitude Radiance picture (`.hdr`), in five turns.
+    Probe(PathBuf),
+}
+
+/// The shape whose normals weight the pictures.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum ShapeChoice {
+    #[default]
+    Sphere,
+    /// An ASCII PLY mesh.
+    Mesh(PathBuf),
+}
+
+/// What the descriptors depend on besides the two BRDFs.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct DescriptorOptions {
+    pub lights: Lights,
+    pub shape: ShapeChoice,
+}
+
+/// Lights, shape and the operators built from them.
+#[derive(Debug)]
+pub struct Setup {
+    id: String,
+    shape: Shape,
+    frame: Frame,
+    /// In place of the lamps.
+    probe: Option<Light>,
+    operators: OnceLock<Operators>,
+}
+
+#[derive(Debug)]
+pub(super) struct Operators {
+    pub pictures: Operator,
+    pub albedo: Operator,
+}
+
+fn file_id(kind: &str, path: &PathBuf, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
+    let bytes = std::fs::read(path).map_err(|e| error(e.to_string()))?;
+    let hash = crate::brdf::ContentHash::of(&bytes).to_string();
+    Ok(format!("{kind}-{}", &hash[..16]))
+}
+
+impl Setup {
+    /// The setup of the shipped metric, defined by code alone, shared by the process.
+    pub fn standard() -> Arc<Self> {
+        static STANDARD: OnceLock<Arc<Setup>> = OnceLock::new();
+        STANDARD
+            .get_or_init(|| Arc::new(Self::assemble("lamps".into(), None, "sphere".into(), Shape::sphere())))
+            .clone()
+    }
+
+    /// A setup with options. Errors: a probe or mesh that cannot be read.
+    pub fn new(options: &DescriptorOptions) -> Result<Arc<Self>, DescriptorError> {
+        if *options == DescriptorOptions::default() {
+            return Ok(Self::standard());
+        }
+        let (lights_id, probe) = match &options.lights {
+            Lights::Lamps => ("lamps".to_owned(), None),
+            Lights::Probe(path) => {
+                let id = file_id("probe", path, |reason| LightError::Probe { path: path.clone(), reason })?;
+                (id, Some(Light::probe(path)?))
+            }
+        };
+        let (shape_id, shape) = match &options.shape {
+            ShapeChoice::Sphere => ("sphere".to_owned(), Shape::sphere()),
+            ShapeChoice::Mesh(path) => {
+                let id = file_id("mesh", path, |reason| LightError::Mesh { path: path.clone(), reason })?;
+                (id, Shape::mesh(path)?)
+            }
+        };
+        Ok(Arc::new(Self::assemble(lights_id, probe, shape_id, shape)))
+    }
+
+    fn assemble(lights_id: String, probe: Option<Light>, shape_id: String, shape: Shape) -> Self {
+        let id = format!("v{VERSION}-{lights_id}-{shape_id}");
+        Self { id, frame: Frame::new(&shape), shape, probe, operators: OnceLock::new() }
+    }
+
+    /// Version and options, safe as part of a file name.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Number of lights; the slot is the last.
+    pub fn lights(&self) -> usize {
+        1 + if self.probe.is_some() { PROBE_TURNS.len() } else { LAMPS.len() }
+    }
+
+    /// Pixels of a picture.
+    pub fn pixels(&self) -> usize {
+        self.shape.len()
+    }
+
+    pub(super) fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Only building the operators needs the lights themselves.
+    fn build_lights(&self) -> Vec<Light> {
+        let mut lights: Vec<Light> = match &self.probe {
+            Some(probe) => PROBE_TURNS.iter().map(|&turn| probe.rotated(turn)).collect(),
+            None => LAMPS.map(Light::lamps).to_vec(),
+        };
+        lights.push(Light::slot());
+        lights
+    }
+
+    pub(super) fn has_operators(&self) -> bool {
+        self.operators.get().is_some()
+    }
+
+    /// Takes operators from a cache; without effect where there are some already.
+    pub(super) fn set_operators(&self, operators: Operators) {
+        let _ = self.operators.set(operators);
+    }
+
+    pub(super) fn operators(&self) -> &Operators {
+        self.operators_or_build().0
+    }
+
+    /// The operators, and whether this call built them.
+    pub(super) fn operators_or_build(&self) -> (&Operators, bool) {
+        let mut built = false;
+        let operators = self.operators.get_or_init(|| {
+            built = true;
+            let pixels: Vec<Vec<Vec3>> = (0..self.shape.len()).map(|p| self.shape.normals(p).to_vec()).collect();
+            let tilted: Vec<Vec<Vec3>> =
+                ALBEDO_ANGLES.iter().map(|a| vec![Vec3::from_spherical(a.to_radians(), 0.0)]).collect();
+            Operators {
+                pictures: Operator::build(&pixels, &self.build_lights()),
+                albedo: Operator::build(&tilted, &[Light::constant(1.0)]),
+            }
+        });
+        (operators, built)
+    }
+}

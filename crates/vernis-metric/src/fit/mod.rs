@@ -1,0 +1,61 @@
+//! Parameters of a model from a measured BRDF, with any metric as the loss.
+//!
+//! [`Fitting`] says how: model, metric, start, method, budget; [`Fitting::run`] gives a [`Fitted`], which [`FitFile`] keeps.
+//! Underneath: [`loss`] makes a function of the model out of a metric and its reference, [`Space`] gives the parameters
+//! coordinates in which steps are alike, [`start`] finds where to begin, [`optimizer`] searches. Models that are read off a
+//! reference, not searched, are in [`direct`] and [`rational`]. [`refit`] makes the candidates of a study anew; [`manifold`]
+//! makes candidates that belong to no model.
+
+pub mod direct;
+mod fitting;
+mod least_distance;
+pub mod loss;
+pub mod manifold;
+mod objective;
+pub mod optimizer;
+pub mod rational;
+mod result_file;
+mod space;
+pub mod start;
+
+pub use fitting::{Fitted, Fitting, Start};
+pub use result_file::{FitFile, MetricUsed, ReferenceUsed};
+pub use space::Space;
+
+use crate::brdf::BrdfError;
+use crate::brdf::models::{MODELS, ModelError};
+use crate::io::{did_you_mean, nearest};
+use crate::metric::MetricError;
+use thiserror::Error;
+
+/// What keeps a model from being fitted.
+#[derive(Debug, Error)]
+pub enum FitError {
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+    #[error(transparent)]
+    Model(ModelError),
+    #[error("unknown model `{found}`; {}; allowed: {}, and sums such as ggx+ward", did_you_mean(nearest), MODELS.join(", "))]
+    UnknownModel { found: String, nearest: Vec<String> },
+    #[error("{what}: found {found}, allowed: {allowed}")]
+    Setting { what: &'static str, found: String, allowed: String },
+    #[error("lbfgs needs gradients, and {what} has none; allowed: hooke-jeeves, nelder-mead")]
+    NoGradient { what: String },
+    #[error("the start cannot be used: {reason}")]
+    Start { reason: String },
+    #[error("{material}: {cause}")]
+    Reference { material: String, cause: Box<BrdfError> },
+    #[error("{model}: no such function stays within {:.0} % of every {channel} value of the reference", 100.0 * width)]
+    Infeasible { model: String, channel: &'static str, width: f64 },
+    #[error("the result cannot be written: {reason}")]
+    Write { reason: String },
+}
+
+impl FitError {
+    /// With the nearest names for a model that does not exist.
+    fn from_model(error: ModelError) -> Self {
+        let ModelError::UnknownModel { found } = error else { return Self::Model(error) };
+        let nearest = nearest(&found, MODELS);
+        Self::UnknownModel { found, nearest }
+    }
+}

@@ -1,0 +1,69 @@
+//! Text for messages: names that are nearly right, and foreign text on one line.
+
+/// How similar two names must be for one to be suggested, 0 to 1.
+const SIMILAR: f64 = 0.5;
+/// Names suggested at most.
+const LISTED: usize = 3;
+/// A shorter part of a name says little.
+const SHORTEST_PART: usize = 3;
+
+/// The entries of `known` most similar to `found`, best first: at most three, none that has little in common with it. Case
+/// does not count; a name that contains `found` is similar (`gold` in `gold-paint`).
+pub fn nearest<S: AsRef<str>>(found: &str, known: impl IntoIterator<Item = S>) -> Vec<String> {
+    let found = found.to_lowercase();
+    let mut ranked: Vec<(f64, String)> = known
+        .into_iter()
+        .map(|name| (similarity(&found, &name.as_ref().to_lowercase()), name.as_ref().to_owned()))
+        .filter(|(similarity, _)| *similarity >= SIMILAR)
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
+    ranked.dedup_by(|a, b| a.1 == b.1);
+    ranked.into_iter().take(LISTED).map(|(_, name)| name).collect()
+}
+
+fn similarity(found: &str, name: &str) -> f64 {
+    let edits = strsim::normalized_damerau_levenshtein(found, name);
+    let part = found.chars().count() >= SHORTEST_PART && name.contains(found);
+    if part { edits.max(SIMILAR) } else { edits }
+}
+
+/// `did you mean a, b?`, or that no name is similar.
+pub fn did_you_mean(nearest: &[String]) -> String {
+    if nearest.is_empty() { "no name is similar".to_owned() } else { format!("did you mean {}?", nearest.join(", ")) }
+}
+
+/// Text of a file or of a user as a message may show it: one line of at most `most` characters, and how many there are
+/// where that is less than all.
+pub fn shown(text: &str, most: usize) -> String {
+    let mut line = String::new();
+    for (k, c) in text.chars().enumerate() {
+        if k == most {
+            return format!("{line}... ({} characters)", text.chars().count());
+        }
+        if c.is_control() { line.extend(c.escape_debug()) } else { line.push(c) }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn similar_names_are_suggested_and_others_are_not() {
+        let models = ["lambert", "ward", "ward-duer", "ggx", "ggx-dielectric", "rational-chebyshev", "beckmann"];
+        assert_eq!(nearest("Wrad", models), ["ward"]);
+        assert_eq!(nearest("ggx-dielectrc", models), ["ggx-dielectric"]);
+        assert_eq!(nearest("beckman", models), ["beckmann"]);
+        assert_eq!(nearest("chebyshev", models), ["rational-chebyshev"]);
+        assert!(nearest("disney", models).is_empty());
+        assert!(nearest("", models).is_empty());
+        assert_eq!(nearest("gold", ["gold-paint", "gold-metallic-paint2", "aluminium"]).len(), 2);
+    }
+
+    #[test]
+    fn foreign_text_stays_on_one_line() {
+        assert_eq!(shown("a\nb\u{1b}[31m", 20), "a\\nb\\u{1b}[31m");
+        assert_eq!(shown("abcdef", 3), "abc... (6 characters)");
+    }
+}

@@ -1,0 +1,357 @@
+//! From descriptors to a mean opinion score, exactly the model's zero where candidate and reference are identical.
+//!
+//! With f the descriptors that compare candidate and reference, c those that describe the reference alone, and g_t the
+//! functions of the terms below, the prediction is
+//!
+//!   mos = identity_mos + sum_t weight_t (g_t(z) - g_t(z0)),   z = standardise(f, c),   z0 = standardise(0, c),
+//!
+//! so that identical BRDFs (f = 0) get `identity_mos` bit for bit, whatever was learned: both evaluations are then the
+//! same operations on the same numbers. Every weight is f64. Cost: two evaluations of each g, 1e4 to 1e5
+//! multiplications.
+
+use crate::descriptor::{Column, Role};
+use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
+use ndarray::ArrayView2;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum RegressorError {
+    #[error("{what}: found {found}, expected {expected}")]
+    Shape { what: String, found: usize, expected: usize },
+    #[error("{what} is not a finite number")]
+    NotFinite { what: String },
+    #[error("{what} must be greater than 0")]
+    NotPositive { what: String },
+    #[error("the regressor has no {what}")]
+    Empty { what: &'static str },
+}
+
+impl From<LayerMismatch> for RegressorError {
+    fn from(LayerMismatch { what, found, expected }: LayerMismatch) -> Self {
+        Self::Shape { what, found, expected }
+    }
+}
+
+/// One input of a regressor, in raw units.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// Name of the descriptor.
+    pub name: String,
+    pub role: Role,
+}
+
+impl From<&Column> for Input {
+    fn from(column: &Column) -> Self {
+        Self { name: column.name.clone(), role: column.role }
+    }
+}
+
+/// How one input enters a term.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Feature {
+    /// Position among the regressor's inputs.
+    pub input: usize,
+    /// Mean and standard deviation of sign(x) |x|^power over the training rows.
+    pub mean: f64,
+    pub scale: f64,
+    /// How much the feature counts beside the others.
+    pub gain: f64,
+}
+
+/// z = gain clip((sign(x) |x|^power - mean) / scale, -limit, limit), one feature at a time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Standardizer {
+    pub limit: f64,
+    pub power: f64,
+    pub features: Vec<Feature>,
+}
+
+/// sign(x) |x|^power: tames the tails of descriptors that span orders of magnitude.
+pub fn sign_power(x: f64, power: f64) -> f64 {
+    x.signum() * x.abs().powf(power)
+}
+
+impl Standardizer {
+    /// Raw inputs to the term's own units.
+    pub fn apply(&self, raw: &[f64]) -> Vec<f64> {
+        self.features.iter().map(|f| self.one(f, raw[f.input])).collect()
+    }
+
+    /// The same with every difference at zero: what identical BRDFs give for this reference.
+    pub fn apply_at_identity(&self, raw: &[f64], inputs: &[Input]) -> Vec<f64> {
+        self.features
+            .iter()
+            .map(|f| self.one(f, if inputs[f.input].role == Role::Difference { 0.0 } else { raw[f.input] }))
+            .collect()
+    }
+
+    /// A point already in the term's units, moved to where every difference is zero.
+    fn to_identity(&self, z: &[f64], inputs: &[Input]) -> Vec<f64> {
+        let at = |(f, &z): (&Feature, &f64)| {
+            if inputs[f.input].role == Role::Difference { self.one(f, 0.0) } else { z }
+        };
+        self.features.iter().zip(z).map(at).collect()
+    }
+
+    fn one(&self, f: &Feature, x: f64) -> f64 {
+        f.gain * ((sign_power(x, self.power) - f.mean) / f.scale).clamp(-self.limit, self.limit)
+    }
+
+    fn check(&self, inputs: usize) -> Result<(), RegressorError> {
+        positive("the clipping limit", self.limit)?;
+        positive("the power", self.power)?;
+        if self.features.is_empty() {
+            return Err(RegressorError::Empty { what: "feature" });
+        }
+        for (i, f) in self.features.iter().enumerate() {
+            finite(&format!("mean of feature {i}"), &[f.mean])?;
+            positive(&format!("scale of feature {i}"), f.scale)?;
+            positive(&format!("gain of feature {i}"), f.gain)?;
+            if f.input >= inputs {
+                return Err(RegressorError::Shape {
+                    what: format!("input of feature {i}"),
+                    found: f.input,
+                    expected: inputs.saturating_sub(1),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How a kernel falls off with r = |a - b| / (length sqrt d), d the number of features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Radial {
+    /// exp(-r).
+    Exponential,
+    /// (1 + sqrt(3) r) exp(-sqrt(3) r): Matern's with nu = 3/2 (Rasmussen & Williams 2006, eq. 4.17).
+    Matern32,
+    /// exp(-r^2 / 2).
+    Gaussian,
+}
+
+/// k(a, b) = radial(|a - b| / (length sqrt d)) + linear a.b / d.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Kernel {
+    pub radial: Radial,
+    pub length: f64,
+    pub linear: f64,
+}
+
+impl Kernel {
+    pub fn value(&self, a: &[f64], b: &[f64]) -> f64 {
+        let d = a.len() as f64;
+        let squared: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+        self.radial(squared.sqrt(), d) + self.linear * dot(a, b) / d
+    }
+
+    /// The part that depends on the distance alone, in `d` dimensions.
+    pub fn radial(&self, distance: f64, d: f64) -> f64 {
+        let r = distance / (self.length * d.sqrt());
+        match self.radial {
+            Radial::Exponential => (-r).exp(),
+            Radial::Matern32 => {
+                let r = 3f64.sqrt() * r;
+                (1.0 + r) * (-r).exp()
+            }
+            Radial::Gaussian => (-0.5 * r * r).exp(),
+        }
+    }
+}
+
+/// The function g of a term, of standardised features.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Function {
+    /// g(z) = w . z.
+    Linear { weights: Vec<f64> },
+    /// g(z) = sum_m w_m (k(z, z_m) - k(z, z_m0)), z_m0 being landmark m with every difference at zero;
+    /// `landmarks[m * d + i]`.
+    Kernel { kernel: Kernel, weights: Vec<f64>, landmarks: Vec<f64> },
+    /// The mean of multi-layer perceptrons with one output.
+    Network { activation: Activation, members: Vec<Vec<Dense>> },
+}
+
+/// One learned function and its weight in the sum.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Term {
+    pub weight: f64,
+    pub standardizer: Standardizer,
+    pub function: Function,
+}
+
+/// A learned map from raw descriptors to a mean opinion score.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Regressor {
+    /// The score of identical BRDFs, 1 to 5.
+    pub identity_mos: f64,
+    pub inputs: Vec<Input>,
+    pub terms: Vec<Term>,
+}
+
+impl Regressor {
+    /// The score of one pair from its raw descriptors, in the order of `inputs`; not limited to 1..=5.
+    ///
+    /// # Panics
+    /// If `raw` has another length than `inputs`, or the regressor does not pass [`check`](Self::check).
+    pub fn predict(&self, raw: &[f64]) -> f64 {
+        assert_eq!(raw.len(), self.inputs.len(), "descriptors and inputs of the regressor");
+        self.identity_mos + difference(&self.terms, &self.inputs, raw)
+    }
+
+    /// One score a row of rows x inputs.
+    pub fn predict_rows(&self, raw: ArrayView2<'_, f64>) -> Vec<f64> {
+        raw.outer_iter().map(|row| self.predict(&row.to_vec())).collect()
+    }
+
+    /// Shapes agree and every number is finite: after this, `predict` cannot fail.
+    pub fn check(&self) -> Result<(), RegressorError> {
+        finite("identity_mos", &[self.identity_mos])?;
+        Self::check_terms(&self.terms, self.inputs.len())
+    }
+
+    /// The same for the terms alone, which take `inputs` numbers.
+    pub(super) fn check_terms(terms: &[Term], inputs: usize) -> Result<(), RegressorError> {
+        if terms.is_empty() {
+            return Err(RegressorError::Empty { what: "term" });
+        }
+        for (i, term) in terms.iter().enumerate() {
+            finite(&format!("weight of term {i}"), &[term.weight])?;
+            term.standardizer.check(inputs)?;
+            term.function.check(term.standardizer.features.len())?;
+        }
+        Ok(())
+    }
+
+    /// Number of learned weights: how much the regressor can remember of the ratings it was trained on.
+    pub fn weight_count(&self) -> usize {
+        self.terms.iter().map(|t| t.function.weight_count()).sum()
+    }
+
+    /// Every number rounded to `digits` significant decimal digits, so that files stay short; a rounded regressor is
+    /// written and read back without further change.
+    pub fn rounded(mut self, digits: usize) -> Self {
+        let round = |x: &mut f64| *x = format!("{:.*e}", digits.saturating_sub(1), *x).parse().unwrap_or(*x);
+        for term in &mut self.terms {
+            for f in &mut term.standardizer.features {
+                round(&mut f.mean);
+                round(&mut f.scale);
+            }
+            match &mut term.function {
+                Function::Linear { weights } => weights.iter_mut().for_each(round),
+                Function::Kernel { weights, landmarks, .. } => {
+                    weights.iter_mut().chain(landmarks).for_each(round);
+                }
+                Function::Network { members, .. } => {
+                    members.iter_mut().flatten().for_each(|l| l.bias.iter_mut().chain(&mut l.weights).for_each(round));
+                }
+            }
+        }
+        self
+    }
+}
+
+/// sum_t weight_t (g_t(z) - g_t(z0)).
+pub(super) fn difference(terms: &[Term], inputs: &[Input], raw: &[f64]) -> f64 {
+    terms.iter().map(|t| t.weight * t.difference(raw, inputs)).sum()
+}
+
+impl Term {
+    /// g(z) - g(z0), exactly 0 where z = z0.
+    fn difference(&self, raw: &[f64], inputs: &[Input]) -> f64 {
+        let z = self.standardizer.apply(raw);
+        let z0 = self.standardizer.apply_at_identity(raw, inputs);
+        match &self.function {
+            Function::Linear { weights } => dot(weights, &z) - dot(weights, &z0),
+            Function::Kernel { kernel, weights, landmarks } => weights
+                .iter()
+                .zip(landmarks.chunks_exact(z.len()))
+                .map(|(w, b)| {
+                    let b0 = self.standardizer.to_identity(b, inputs);
+                    let centred = |a: &[f64]| kernel.value(a, b) - kernel.value(a, &b0);
+                    w * (centred(&z) - centred(&z0))
+                })
+                .sum(),
+            Function::Network { activation, members } => {
+                let mean = |z: &[f64]| {
+                    members.iter().map(|layers| forward(layers, *activation, z)[0]).sum::<f64>() / members.len() as f64
+                };
+                mean(&z) - mean(&z0)
+            }
+        }
+    }
+}
+
+impl Function {
+    fn weight_count(&self) -> usize {
+        match self {
+            Function::Linear { weights } | Function::Kernel { weights, .. } => weights.len(),
+            Function::Network { members, .. } => members.iter().flatten().map(|l| l.weights.len() + l.bias.len()).sum(),
+        }
+    }
+
+    fn check(&self, features: usize) -> Result<(), RegressorError> {
+        match self {
+            Function::Linear { weights } => {
+                shape("linear weights", weights.len(), features)?;
+                finite("a linear weight", weights)
+            }
+            Function::Kernel { kernel, weights, landmarks } => {
+                positive("the kernel's length", kernel.length)?;
+                finite("the kernel's linear part", &[kernel.linear])?;
+                shape("numbers of the landmarks", landmarks.len(), weights.len() * features)?;
+                finite("a kernel weight", weights)?;
+                finite("a landmark", landmarks)
+            }
+            Function::Network { activation, members } => {
+                let Activation::LeakyRelu { slope } = activation;
+                finite("the activation's slope", &[*slope])?;
+                if members.is_empty() {
+                    return Err(RegressorError::Empty { what: "network" });
+                }
+                members.iter().try_for_each(|layers| check_network(layers, features))
+            }
+        }
+    }
+}
+
+fn check_network(layers: &[Dense], features: usize) -> Result<(), RegressorError> {
+    let outputs = check_layers(layers, features)?;
+    shape("outputs of the network", if layers.is_empty() { 0 } else { outputs }, 1)?;
+    layers.iter().enumerate().try_for_each(|(i, layer)| finite_all(&format!("a number of layer {i}"), layer.numbers()))
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn shape(what: &str, found: usize, expected: usize) -> Result<(), RegressorError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(RegressorError::Shape { what: what.to_owned(), found, expected })
+}
+
+fn finite(what: &str, values: &[f64]) -> Result<(), RegressorError> {
+    finite_all(what, values.iter().copied())
+}
+
+fn finite_all(what: &str, mut values: impl Iterator<Item = f64>) -> Result<(), RegressorError> {
+    if values.all(f64::is_finite) {
+        return Ok(());
+    }
+    Err(RegressorError::NotFinite { what: what.to_owned() })
+}
+
+fn positive(what: &str, value: f64) -> Result<(), RegressorError> {
+    finite(what, &[value])?;
+    if value > 0.0 { Ok(()) } else { Err(RegressorError::NotPositive { what: what.to_owned() }) }
+}

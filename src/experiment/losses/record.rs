@@ -1,0 +1,101 @@
+//! Everything that the experiment found, for reports.
+
+use super::Loss;
+use super::compare::{Comparison, Judged};
+use super::run::{FitRecord, Settings};
+use crate::dataset::Study;
+use crate::experiment::ExperimentError;
+use std::collections::BTreeMap;
+use vernis_metric::fit::optimizer::StopReason;
+
+/// Losses that others are compared with: the study's, and the simplest that knows of relative differences.
+const BASELINES: [Loss; 2] = [Loss::Square, Loss::Logarithm];
+
+/// How the searches under a loss ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Searches {
+    pub loss: Loss,
+    pub fits: usize,
+    /// Those that spent their evaluations.
+    pub unfinished: usize,
+    /// The median of evaluations, starts included.
+    pub evaluations: usize,
+}
+
+/// The experiment's findings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LossesRecord {
+    pub study: String,
+    pub synthetic: bool,
+    /// SHA-256 of the study's files by name.
+    pub data: BTreeMap<String, String>,
+    pub settings: Settings,
+    pub materials: Vec<String>,
+    pub judges: Vec<String>,
+    pub resamples: usize,
+    /// Over all models, against each baseline.
+    pub pooled: Vec<(Loss, Vec<Comparison>)>,
+    /// Model by model, against the first baseline.
+    pub by_model: Vec<(String, Vec<Comparison>)>,
+    /// Blended against learned, if both are there: all models, then each.
+    pub blending: Vec<(String, Vec<Comparison>)>,
+    pub searches: Vec<Searches>,
+}
+
+impl LossesRecord {
+    /// # Errors
+    /// Those of [`Judged::new`] and [`Judged::against`].
+    pub fn new(
+        study: &Study,
+        settings: &Settings,
+        records: &[Vec<FitRecord>],
+        resamples: usize,
+    ) -> Result<Self, ExperimentError> {
+        let judged = Judged::new(records)?;
+        let models = judged.models().to_vec();
+        let against = |baseline: Loss, losses: &[Loss], models: &[String]| {
+            judged.against(baseline, losses, models, resamples, settings.seed)
+        };
+        let losses = judged.losses();
+        let baselines = BASELINES.into_iter().filter(|loss| losses.contains(loss));
+        let pooled = baselines
+            .map(|baseline| Ok((baseline, against(baseline, losses, &models)?)))
+            .collect::<Result<Vec<_>, ExperimentError>>()?;
+        let each = |losses: &[Loss], baseline: Loss| {
+            let of_model =
+                |model: &String| Ok((model.clone(), against(baseline, losses, std::slice::from_ref(model))?));
+            models.iter().map(of_model).collect::<Result<Vec<_>, ExperimentError>>()
+        };
+        let by_model = if losses.contains(&BASELINES[0]) { each(losses, BASELINES[0])? } else { Vec::new() };
+        let mut blending = Vec::new();
+        if [Loss::Learned, Loss::Blended].iter().all(|loss| losses.contains(loss)) {
+            blending.push(("all models".to_owned(), against(Loss::Learned, &[Loss::Blended], &models)?));
+            blending.extend(each(&[Loss::Blended], Loss::Learned)?);
+        }
+        Ok(Self {
+            study: study.name.clone(),
+            synthetic: study.synthetic,
+            data: study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).collect(),
+            settings: settings.clone(),
+            materials: judged.materials().to_vec(),
+            judges: judged.judges().to_vec(),
+            resamples,
+            pooled,
+            by_model,
+            blending,
+            searches: losses.iter().map(|&loss| searches(loss, records)).collect(),
+        })
+    }
+}
+
+fn searches(loss: Loss, records: &[Vec<FitRecord>]) -> Searches {
+    let fits = || records.iter().flatten().filter(|r| r.loss == loss).map(|r| &r.fit);
+    let mut evaluations: Vec<usize> = fits().map(|f| f.evaluations + f.polish_evaluations).collect();
+    evaluations.sort_unstable();
+    Searches {
+        loss,
+        fits: evaluations.len(),
+        unfinished: fits().filter(|f| f.stop == StopReason::EvaluationLimit).count(),
+        evaluations: evaluations.get(evaluations.len() / 2).copied().unwrap_or(0),
+    }
+}

@@ -1,0 +1,303 @@
+//! The fits and what the judges say of them, one file a fit.
+
+use super::unseen::{Unseen, UnseenMetrics};
+use super::{Loss, OPINION};
+use crate::dataset::Study;
+use crate::evaluation::EvaluationError;
+use crate::experiment::ExperimentError;
+use crate::experiment::refit::file_name;
+use rand::seq::SliceRandom;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
+use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Progress, Setup};
+use vernis_metric::fit::{FitFile, Fitting};
+use vernis_metric::math::seed;
+use vernis_metric::metric::lp::{LpDistances, LpReference};
+use vernis_metric::metric::registry::Registry;
+use vernis_metric::metric::{Metric, MetricError, PreparedMetric};
+
+/// Raised when a fit or a judge changes: files of older versions are made again.
+const VERSION: u32 = 1;
+/// Lp distances that judge.
+const LP: [&str; 4] = ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl"];
+/// What is taken of the pictures under a probe: the ending of the judge's name, and the descriptor.
+const PICTURES: [(&str, &str); 2] = [("log", "lights.dE4"), ("screen", "display.lamps.rms")];
+
+/// What decides the numbers, besides the data.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    pub models: Vec<String>,
+    pub losses: Vec<Loss>,
+    /// Cells of an Lp metric to a cell of its search, along each axis.
+    pub coarsening: usize,
+    /// Of a search under a learned metric, and of one under transport.
+    pub max_evaluations: usize,
+    /// Transport and energy distance, with their grids, as the registry names them.
+    pub transport: String,
+    pub energy: String,
+    /// Of the order of the materials, the folds and the training.
+    pub seed: u64,
+    pub folds: usize,
+}
+
+/// A light probe that judges.
+pub struct Probe {
+    /// Such as `grace`.
+    pub name: String,
+    pub setup: Arc<Setup>,
+}
+
+/// The file of one fit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FitRecord {
+    pub version: u32,
+    /// A hash of the settings, the study and the probes.
+    pub settings: String,
+    pub material: String,
+    pub loss: Loss,
+    pub fit: FitFile,
+    /// By judge.
+    pub judged: BTreeMap<String, f64>,
+}
+
+/// The experiment.
+pub struct Experiment<'a> {
+    pub study: &'a Study,
+    pub settings: &'a Settings,
+    pub unseen: &'a UnseenMetrics,
+    pub probes: &'a [Probe],
+    /// Where relative sources are looked up.
+    pub base: Option<&'a Path>,
+    /// Where files of earlier runs lie.
+    pub folder: &'a Path,
+    /// Keeps the text of a file under its name in that folder.
+    pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
+    pub progress: &'a (dyn Fn(Progress) + Sync),
+}
+
+/// One material a group, in an order that the seed decides: the first `n` of a study.
+///
+/// Sisters are nearly one material: two of them would count twice in an interval over materials.
+pub fn materials(study: &Study, n: usize, seed: u64) -> Vec<(String, BrdfSource)> {
+    let mut of_group: BTreeMap<&str, (&str, &BrdfSource)> = BTreeMap::new();
+    for pair in &study.pairs {
+        let first = of_group.entry(&pair.group).or_insert((&pair.material, &pair.reference));
+        if pair.material.as_str() < first.0 {
+            *first = (&pair.material, &pair.reference);
+        }
+    }
+    let mut all: Vec<(&str, &BrdfSource)> = of_group.into_values().collect();
+    all.shuffle(&mut seed::stream(seed, "loss experiment materials", 0));
+    all.into_iter().take(n).map(|(material, source)| (material.to_owned(), source.clone())).collect()
+}
+
+impl Experiment<'_> {
+    /// All fits of `materials`, in order. With `only_kept`, those that an earlier run has left, of materials that it finished.
+    ///
+    /// # Errors
+    /// A reference that cannot be opened, a fit or a judge that fails, a file that cannot be written.
+    pub fn run(
+        &self,
+        materials: &[(String, BrdfSource)],
+        only_kept: bool,
+    ) -> Result<Vec<Vec<FitRecord>>, ExperimentError> {
+        let registry = Registry::standard().map_err(|source| self.metric_error("the registry", source))?;
+        let graph = |name: &str| registry.get(name).map_err(|source| self.metric_error(name, source));
+        let graphs = [graph(&self.settings.transport)?, graph(&self.settings.energy)?];
+        let fingerprint = self.fingerprint()?;
+        let total = materials.len() * self.settings.models.len() * self.settings.losses.len();
+        let done = AtomicUsize::new(0);
+        let count = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        let of_material = |(material, source): &(String, BrdfSource)| {
+            let job =
+                Job { experiment: self, registry: &registry, graphs: &graphs, fingerprint: &fingerprint, material };
+            let kept = job.kept();
+            match kept.iter().all(Option::is_some) || only_kept {
+                true => Ok(kept.into_iter().collect()),
+                false => job.run(source, kept, &count).map(Some),
+            }
+        };
+        let all = materials.par_iter().map(of_material).collect::<Result<Vec<Option<Vec<_>>>, ExperimentError>>()?;
+        Ok(all.into_iter().flatten().collect())
+    }
+
+    fn metric_error(&self, name: &str, source: MetricError) -> ExperimentError {
+        ExperimentError::MetricNamed { name: name.to_owned(), source: Box::new(source) }
+    }
+
+    fn fingerprint(&self) -> Result<String, ExperimentError> {
+        let settings =
+            serde_json::to_string(self.settings).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
+        let study = crate::experiment::sweep::fingerprint(self.study);
+        let probes: Vec<String> = self.probes.iter().map(|p| format!("{} {}", p.name, p.setup.id())).collect();
+        let text = format!("{settings} {study} {probes:?} {}", env!("CARGO_PKG_VERSION"));
+        Ok(ContentHash::of(text.as_bytes()).to_string())
+    }
+}
+
+/// The fits of one material.
+struct Job<'a> {
+    experiment: &'a Experiment<'a>,
+    registry: &'a Registry,
+    /// Transport, energy.
+    graphs: &'a [Arc<dyn Metric>; 2],
+    fingerprint: &'a str,
+    material: &'a str,
+}
+
+impl Job<'_> {
+    fn items(&self) -> impl Iterator<Item = (&str, Loss)> {
+        let Settings { models, losses, .. } = self.experiment.settings;
+        models.iter().flat_map(|model| losses.iter().map(|loss| (model.as_str(), *loss)))
+    }
+
+    fn file(&self, model: &str, loss: Loss) -> String {
+        format!("{}.{model}.{}.json", file_name(self.material), loss.name())
+    }
+
+    fn kept(&self) -> Vec<Option<FitRecord>> {
+        let read = |(model, loss): (&str, Loss)| {
+            let bytes = std::fs::read(self.experiment.folder.join(self.file(model, loss))).ok()?;
+            let record: FitRecord = serde_json::from_slice(&bytes).ok()?;
+            let same = (record.version, record.settings.as_str()) == (VERSION, self.fingerprint)
+                && (record.material.as_str(), record.fit.model.as_str(), record.loss) == (self.material, model, loss);
+            same.then_some(record)
+        };
+        self.items().map(read).collect()
+    }
+
+    fn run(
+        &self,
+        source: &BrdfSource,
+        kept: Vec<Option<FitRecord>>,
+        count: &dyn Fn(),
+    ) -> Result<Vec<FitRecord>, ExperimentError> {
+        let unseen = self.experiment.unseen.of(self.material).ok_or_else(|| EvaluationError::UnknownMetric {
+            name: format!("without {}", self.material),
+            judged: "metrics without a material of the study".to_owned(),
+        })?;
+        let reference = source.open(self.experiment.base)?;
+        let judges = Judges::new(&*reference.brdf, self.graphs, unseen, self.experiment.probes);
+        let judges = judges.map_err(|source| self.failed(source))?;
+        let record = |((model, loss), kept): ((&str, Loss), Option<FitRecord>)| {
+            let record = match kept {
+                Some(kept) => kept,
+                None => self.fit(&reference, model, loss, unseen, &judges)?,
+            };
+            count();
+            Ok(record)
+        };
+        self.items().zip(kept).map(record).collect()
+    }
+
+    fn fit(
+        &self,
+        reference: &OpenBrdf,
+        model: &str,
+        loss: Loss,
+        unseen: &Unseen,
+        judges: &Judges<'_>,
+    ) -> Result<FitRecord, ExperimentError> {
+        let settings = self.experiment.settings;
+        let metric: Arc<dyn Metric> = match loss {
+            Loss::Learned | Loss::Blended => Arc::new(unseen.loss.clone()),
+            Loss::Transport => self.graphs[0].clone(),
+            lp => self.registry.get(lp.name()).map_err(|source| self.failed(source))?,
+        };
+        let fitting = Fitting {
+            start: loss.start(),
+            coarsening: settings.coarsening,
+            max_evaluations: metric.as_lp().is_none().then_some(settings.max_evaluations),
+            method: loss.method(),
+            seed: settings.seed,
+            ..Fitting::new(model, &*metric)
+        };
+        let fitted = fitting.run(&*reference.brdf, &|_, _| ()).map_err(|source| ExperimentError::Fit {
+            material: self.material.to_owned(),
+            model: model.to_owned(),
+            loss: loss.name(),
+            source: Box::new(source),
+        })?;
+        let record = FitRecord {
+            version: VERSION,
+            settings: self.fingerprint.to_owned(),
+            material: self.material.to_owned(),
+            loss,
+            fit: FitFile::new(&fitting, &fitted, &reference.notation, &reference.content.to_string()),
+            judged: judges.judge(&*fitted.model as &dyn Brdf).map_err(|source| self.failed(source))?,
+        };
+        let text = serde_json::to_string(&record).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
+        (self.experiment.write)(&self.file(model, loss), &text)?;
+        Ok(record)
+    }
+
+    fn failed(&self, source: MetricError) -> ExperimentError {
+        let (reference, candidate) = (self.material.to_owned(), "a fit of it".to_owned());
+        ExperimentError::Metric { reference, candidate, source: Box::new(source) }
+    }
+}
+
+/// The judges, their reference fixed.
+struct Judges<'a> {
+    lp: LpReference,
+    graphs: [Box<dyn PreparedMetric + 'a>; 2],
+    opinion: (&'a Unseen, BrdfFeatures),
+    probes: Vec<(&'a Probe, BrdfFeatures)>,
+}
+
+impl<'a> Judges<'a> {
+    fn new(
+        reference: &dyn Brdf,
+        graphs: &'a [Arc<dyn Metric>; 2],
+        unseen: &'a Unseen,
+        probes: &'a [Probe],
+    ) -> Result<Self, MetricError> {
+        Ok(Self {
+            lp: LpReference::new(reference)?,
+            graphs: [graphs[0].prepare(reference)?, graphs[1].prepare(reference)?],
+            opinion: (unseen, unseen.judge.features(reference, "reference")?),
+            probes: probes
+                .iter()
+                .map(|probe| Ok((probe, features(reference, &probe.setup, "reference")?)))
+                .collect::<Result<_, MetricError>>()?,
+        })
+    }
+
+    fn judge(&self, candidate: &dyn Brdf) -> Result<BTreeMap<String, f64>, MetricError> {
+        let mut judged = BTreeMap::new();
+        let distances = LpDistances::of_study_from(&self.lp, candidate)?;
+        for name in LP {
+            let distance = distances
+                .by_name(name)
+                .map_err(|e| MetricError::NotComputed { metric: name.to_owned(), reason: e.to_string() })?;
+            judged.insert(name.to_owned(), distance);
+        }
+        for (name, graph) in ["ot", "energy"].into_iter().zip(&self.graphs) {
+            judged.insert(name.to_owned(), graph.distance(candidate)?);
+        }
+        let (unseen, reference) = &self.opinion;
+        let score = unseen.judge.score(reference, &unseen.judge.features(candidate, "candidate")?)?;
+        judged.insert(OPINION.to_owned(), score.mos);
+        let set = DescriptorSet::new(vec![Family::Lights, Family::Display]);
+        let columns = set.columns();
+        for (probe, reference) in &self.probes {
+            let candidate = features(candidate, &probe.setup, "candidate")?;
+            let values = set.compare(reference, &candidate, &probe.setup);
+            for (ending, descriptor) in PICTURES {
+                let found = columns.iter().zip(&values).filter(|(column, _)| column.name == descriptor);
+                judged.extend(found.map(|(_, value)| (format!("{}.{ending}", probe.name), *value)));
+            }
+        }
+        Ok(judged)
+    }
+}
+
+fn features(brdf: &dyn Brdf, setup: &Setup, side: &'static str) -> Result<BrdfFeatures, MetricError> {
+    BrdfFeatures::compute(brdf, setup)
+        .map_err(|e: DescriptorError| MetricError::Unusable { side, reason: e.to_string() })
+}

@@ -1,0 +1,155 @@
+//! Learned metrics that have not seen a material: two for each fold of a study, one to fit with and one to judge with.
+//!
+//! Folds are by group, so that a material and its sisters are held out together. The two metrics of a fold learn from the
+//! same rows, with different seeds: what one of them merely happens to like, the other need not. What both got wrong in the
+//! same way remains, because rows and descriptors are the same.
+//!
+//! Cost: two trainings a fold. Metrics are files in a folder, so that a second run trains nothing.
+
+use crate::dataset::Study;
+use crate::evaluation::EvaluationError;
+use crate::experiment::ExperimentError;
+use crate::samples::Samples;
+use crate::samples::split::{Fold, grouped_folds};
+use crate::train::{TrainError, Trainer};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis_metric::descriptor::{Cache, DescriptorSet, Extractor, Progress, Setup};
+use vernis_metric::metric::learned::LearnedMetric;
+use vernis_metric::metric::learned::exported::{DataHash, Descriptors, ExportedMetric, Interval, Provenance};
+
+/// Of the numbers of these metrics.
+const METRIC_VERSION: &str = "1";
+/// The seed of the judges is that of the losses and this.
+const JUDGE_SEED: u64 = 1_000_003;
+
+/// The two metrics of a fold.
+pub struct Unseen {
+    pub loss: LearnedMetric,
+    pub judge: LearnedMetric,
+}
+
+/// For every material of a study, metrics that have not seen it.
+pub struct UnseenMetrics {
+    fold_of: BTreeMap<String, usize>,
+    folds: Vec<Unseen>,
+}
+
+impl UnseenMetrics {
+    /// The metrics for a material of the study; `None` for any other.
+    pub fn of(&self, material: &str) -> Option<&Unseen> {
+        self.folds.get(*self.fold_of.get(material)?)
+    }
+}
+
+/// How to train them.
+pub struct UnseenTraining<'a> {
+    pub study: &'a Study,
+    /// Where relative sources are looked up.
+    pub base: Option<&'a Path>,
+    pub cache: Option<&'a Cache>,
+    pub trainer: &'a dyn Trainer,
+    pub folds: usize,
+    pub seed: u64,
+    /// Where metrics of earlier runs lie.
+    pub folder: &'a Path,
+    /// Keeps the text of a file under its name in that folder.
+    pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
+    pub progress: &'a (dyn Fn(&'static str, Progress) + Sync),
+}
+
+impl UnseenTraining<'_> {
+    /// Trains what the folder does not hold; the same bytes whatever the number of threads.
+    ///
+    /// # Errors
+    /// Descriptors that cannot be computed, folds that cannot be made, a training that fails, a file that cannot be written.
+    pub fn run(&self) -> Result<UnseenMetrics, ExperimentError> {
+        let setup = Setup::standard();
+        let set = DescriptorSet::extended();
+        let samples = self.samples(&set, &setup)?;
+        let folds = grouped_folds(&samples, self.folds, self.seed)?;
+        let mut fold_of = BTreeMap::new();
+        for (index, fold) in folds.iter().enumerate() {
+            fold_of.extend(fold.held_out.rows().iter().map(|row| (row.material.clone(), index)));
+        }
+        let (done, total) = (AtomicUsize::new(0), 2 * folds.len());
+        let metric = |(index, judge): (usize, bool)| {
+            let metric = self.metric(index, &folds[index], judge, &set, &setup)?;
+            (self.progress)("training", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            Ok(metric)
+        };
+        let jobs: Vec<(usize, bool)> = (0..folds.len()).flat_map(|index| [(index, false), (index, true)]).collect();
+        let trained = jobs.into_par_iter().map(metric).collect::<Result<Vec<_>, ExperimentError>>()?;
+        let mut trained = trained.into_iter();
+        let pairs = std::iter::from_fn(|| Some(Unseen { loss: trained.next()?, judge: trained.next()? }));
+        Ok(UnseenMetrics { fold_of, folds: pairs.collect() })
+    }
+
+    fn samples(&self, set: &DescriptorSet, setup: &Setup) -> Result<Samples, ExperimentError> {
+        let pairs: Vec<_> = self.study.pairs.iter().map(|p| (p.reference.clone(), p.candidate.clone())).collect();
+        let progress = |p| (self.progress)("descriptors", p);
+        let extractor = Extractor { set, setup, base: self.base, cache: self.cache, progress: &progress };
+        let extraction = extractor.extract(&pairs).map_err(Box::new)?;
+        let rows = self.study.pairs.iter().map(|p| p.row()).collect();
+        Ok(Samples::new(set.columns(), rows, extraction.values)?.with_swapped(extraction.swapped)?)
+    }
+
+    fn metric(
+        &self,
+        index: usize,
+        fold: &Fold,
+        judge: bool,
+        set: &DescriptorSet,
+        setup: &Arc<Setup>,
+    ) -> Result<LearnedMetric, ExperimentError> {
+        let role = if judge { "judge" } else { "loss" };
+        let name = format!("{}-fold{index}-{role}", self.trainer.name());
+        let file = format!("{name}.vernis.json");
+        let seed = if judge { self.seed.wrapping_add(JUDGE_SEED) } else { self.seed };
+        let provenance = self.provenance(fold, seed);
+        if let Ok(kept) = LearnedMetric::load(&self.folder.join(&file))
+            && kept.exported().name == name
+            && kept.exported().provenance == provenance
+        {
+            return Ok(kept);
+        }
+        let failed = |source: TrainError| {
+            let training_rows = fold.training.rows().len();
+            EvaluationError::Training { metric: name.clone(), fold: index, training_rows, source: Box::new(source) }
+        };
+        let model = self.trainer.train(&fold.training, seed).map_err(failed)?;
+        let not_portable = || failed(TrainError::NotPortable { trainer: self.trainer.name().to_owned() });
+        let regressor = model.regressor().cloned().ok_or_else(not_portable)?;
+        let descriptors = Descriptors { setup: setup.id().to_owned(), set: set.clone() };
+        // Only the prediction itself is used, never its interval.
+        let interval = Interval { level: 0.95, factor: 0.0, offset: 0.0 };
+        let exported =
+            ExportedMetric::new(&name, METRIC_VERSION, descriptors, regressor, Vec::new(), interval, provenance)
+                .map_err(Box::new)?;
+        (self.write)(&file, &exported.to_json().map_err(Box::new)?)?;
+        LearnedMetric::new(exported, setup.clone())
+            .map_err(|e| ExperimentError::MetricNamed { name, source: Box::new(e) })
+    }
+
+    /// Says which materials the metric has not seen, so that a file tells whether it is the one that is asked for.
+    fn provenance(&self, fold: &Fold, seed: u64) -> Provenance {
+        let rows = fold.training.rows();
+        let held_out: BTreeSet<&str> = fold.held_out.rows().iter().map(|r| r.group.as_str()).collect();
+        let materials: BTreeSet<&str> = rows.iter().map(|r| r.material.as_str()).collect();
+        let files = self.study.files.iter();
+        Provenance {
+            study: self.study.name.clone(),
+            synthetic: self.study.synthetic,
+            rows: rows.len(),
+            materials: materials.len(),
+            data: files.map(|f| DataHash { name: f.name.clone(), sha256: f.content.to_string() }).collect(),
+            seed,
+            command: format!("without {}", held_out.into_iter().collect::<Vec<_>>().join(", ")),
+            crate_version: env!("CARGO_PKG_VERSION").to_owned(),
+            agreement: Vec::new(),
+        }
+    }
+}

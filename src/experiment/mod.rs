@@ -1,0 +1,58 @@
+//! One file a question: the training job, the benchmark of a study, the sweep of transport's parameters, which loss a fit should
+//! have, and a study's candidates made anew.
+//!
+//! Everything here is callable from a program of one's own: plain options in, a callback for progress, a typed result out.
+//! Nothing prints, and nothing knows of a terminal.
+
+#[cfg(feature = "train")]
+pub mod benchmark;
+pub mod losses;
+pub mod refit;
+pub mod sweep;
+
+use crate::dataset::DatasetError;
+use crate::evaluation::EvaluationError;
+use crate::samples::SamplesError;
+use crate::samples::extraction::ExtractionError;
+use crate::samples::split::SplitError;
+use crate::train::TrainError;
+use thiserror::Error;
+use vernis_metric::brdf::BrdfError;
+use vernis_metric::descriptor::DescriptorError;
+use vernis_metric::fit::FitError;
+use vernis_metric::metric::MetricError;
+use vernis_metric::metric::learned::ExportedError;
+
+/// Why an experiment has no result.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ExperimentError {
+    #[error(transparent)]
+    Study(#[from] Box<DatasetError>),
+    #[error(transparent)]
+    Extraction(#[from] Box<ExtractionError>),
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
+    #[error(transparent)]
+    Samples(#[from] SamplesError),
+    #[error(transparent)]
+    Split(#[from] SplitError),
+    #[error(transparent)]
+    Train(#[from] Box<TrainError>),
+    #[error(transparent)]
+    Open(#[from] BrdfError),
+    #[error("{reference} against {candidate}: {source}")]
+    Metric { reference: String, candidate: String, source: Box<MetricError> },
+    #[error("{notation}: {source}")]
+    Table { notation: String, source: Box<MetricError> },
+    #[error("{name}: {source}")]
+    MetricNamed { name: String, source: Box<MetricError> },
+    #[error("{material}, {model} under {loss}: {source}")]
+    Fit { material: String, model: String, loss: &'static str, source: Box<FitError> },
+    #[error(transparent)]
+    Descriptor(#[from] Box<DescriptorError>),
+    #[error(transparent)]
+    Exported(#[from] Box<ExportedError>),
+    #[error("the result cannot be written: {reason}")]
+    Write { reason: String },
+}

@@ -1,0 +1,34 @@
+//! Why a statistic does not exist.
+
+use thiserror::Error;
+use vernis_metric::math::correlation::CorrelationError;
+
+/// Errors of this room.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum StudyError {
+    #[error("{what}: found {found}, allowed: at least {least}")]
+    TooFew { what: &'static str, found: usize, least: usize },
+    #[error("{what} do not differ, so that there is no noise to compare with")]
+    NoSpread { what: &'static str },
+    #[error("the design is not complete: {participant} did not rate {missing} of {stimuli} stimuli")]
+    Incomplete { participant: String, missing: usize, stimuli: usize },
+    #[error("factor {factor} has {found} levels, allowed: at least 2")]
+    OneLevel { factor: String, found: usize },
+    #[error("only mean scores are at hand; raw scores (participant, material, method, score) are needed")]
+    NoRawScores,
+    #[error("{what}: found {found}, allowed: {allowed}")]
+    Levels { what: &'static str, found: String, allowed: &'static str },
+    #[error("{rows} rows leave no degree of freedom for the residual of a model with {parameters} parameters")]
+    Saturated { rows: usize, parameters: usize },
+    #[error("the effect of {term} cannot be told from other ones: {empty} combinations of levels have no row")]
+    Confounded { term: String, empty: usize },
+    #[error("screening rejects all but {left} of {participants} participants; allowed: at least 2 left")]
+    AllRejected { left: usize, participants: usize },
+    #[error("{0}")]
+    Correlation(#[from] CorrelationError),
+}
+
+/// Fails where `found` is less than `least`.
+pub fn at_least(what: &'static str, found: usize, least: usize) -> Result<(), StudyError> {
+    if found < least { Err(StudyError::TooFew { what, found, least }) } else { Ok(()) }
+}

@@ -1,0 +1,105 @@
+//! Mean opinion scores and how sure they are, from raw scores or from means and a model of their noise.
+//!
+//!   MOS_s = sum_i r_s^i / n_s,   interval MOS_s +- t_.975(n_s - 1) d_s / sqrt(n_s)
+//!
+//! r_s^i: score of participant i for stimulus s, 1 to 5; n_s: participants who rated it; d_s: sample standard
+//! deviation of their scores. Source: equation 1 of Lavoue et al. 2021 (doi:10.1111/cgf.142636), which leaves the
+//! interval's form open; Student's t is exact for normal scores. Intervals are not clipped to the scale.
+//! Where a study has means alone, d_s^2 = a (-x^2 + 6x - 5) at x = MOS_s stands in, the SOS hypothesis (see
+//! [`super::sos`]). Cost: linear.
+
+use super::distribution::t_975;
+use super::moments::Moments;
+use super::sos;
+use serde::{Deserialize, Serialize};
+use vernis_metric::math::quantile::Interval;
+
+/// The mean opinion score of one stimulus.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Opinion {
+    /// Participants, or how many are assumed.
+    pub raters: usize,
+    /// 1 to 5.
+    pub mos: f64,
+    /// Standard deviation of the scores, found or assumed; `None` for one score.
+    pub deviation: Option<f64>,
+    /// 95 %; `None` for one score.
+    pub interval: Option<Interval>,
+}
+
+impl Opinion {
+    /// From raw scores; `None` for no score.
+    pub fn of_scores(scores: &[f64]) -> Option<Self> {
+        let Moments { n, mean, variance } = Moments::of(scores)?;
+        Some(Self::new(n, mean, variance))
+    }
+
+    /// From the mean of `raters` scores whose variance follows the SOS hypothesis with `a`.
+    pub fn of_mean(mos: f64, a: f64, raters: usize) -> Self {
+        Self::new(raters, mos, Some(a * sos::parabola(mos)))
+    }
+
+    fn new(raters: usize, mos: f64, variance: Option<f64>) -> Self {
+        let deviation = variance.map(f64::sqrt);
+        let half = deviation.and_then(|d| Some(t_975(raters as f64 - 1.0)? * d / (raters as f64).sqrt()));
+        Self { raters, mos, deviation, interval: half.map(|h| Interval { low: mos - h, high: mos + h }) }
+    }
+
+    /// Width of the interval.
+    pub fn width(&self) -> Option<f64> {
+        self.interval.map(|i| i.high - i.low)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::Rng;
+    use vernis_metric::math::seed;
+
+    #[test]
+    fn intervals_agree_with_scipy() {
+        // scipy 1.17.1: s = [4,5,3,4,4,2,5,3]; stats.t.interval(.95, 7, numpy.mean(s), stats.sem(s))
+        let o = Opinion::of_scores(&[4.0, 5.0, 3.0, 4.0, 4.0, 2.0, 5.0, 3.0]).unwrap();
+        let interval = o.interval.unwrap();
+        assert_eq!((o.raters, o.mos), (8, 3.75));
+        assert!(
+            (interval.low - 2.8846361326405243).abs() < 1e-9 && (interval.high - 4.615363867359475).abs() < 1e-9,
+            "{interval:?}"
+        );
+    }
+
+    #[test]
+    fn a_single_score_has_no_interval() {
+        let o = Opinion::of_scores(&[4.0]).unwrap();
+        assert_eq!((o.mos, o.deviation, o.interval), (4.0, None, None));
+        assert_eq!(Opinion::of_scores(&[]), None);
+        // Everybody agrees: nothing is unsure.
+        assert_eq!(Opinion::of_scores(&[2.0; 5]).unwrap().width(), Some(0.0));
+    }
+
+    #[test]
+    fn intervals_hold_the_true_mean_as_often_as_they_say() {
+        // Scores 1 + .8 K, K binomial(5, .6): mean 3.4.
+        let mut rng = seed::stream(1, "opinion", 0);
+        let covered = (0..2000)
+            .filter(|_| {
+                let mut score =
+                    || 1.0 + 0.8 * f64::from((0..5).map(|_| u8::from(rng.random::<f64>() < 0.6)).sum::<u8>());
+                let scores: Vec<f64> = (0..30).map(|_| score()).collect();
+                Opinion::of_scores(&scores).and_then(|o| o.interval).is_some_and(|i| i.contains(3.4))
+            })
+            .count();
+        // Binomial(2000, .95): 1875 to 1925 with probability > .99.
+        assert!((1875..=1925).contains(&covered), "{covered}");
+    }
+
+    #[test]
+    fn the_noise_model_gives_the_spread_of_real_ratings() {
+        // a = .2, 30 raters, MOS 3: standard deviation sqrt .8, standard error .163.
+        let o = Opinion::of_mean(3.0, 0.2, 30);
+        assert!((o.deviation.unwrap() - 0.8f64.sqrt()).abs() < 1e-15);
+        assert!((o.width().unwrap() - 2.0 * 2.045229642 * 0.8f64.sqrt() / 30f64.sqrt()).abs() < 1e-8);
+        assert_eq!(Opinion::of_mean(1.0, 0.2, 30).width(), Some(0.0));
+    }
+}

@@ -1,0 +1,168 @@
+//! Everything that is known of a study's ratings, as plain data.
+
+use super::anova::Anova;
+use super::box_plot::BoxPlot;
+use super::intraclass::Intraclass;
+use super::moments::MeanAndDeviation;
+use super::opinion::Opinion;
+use super::reliability::{ExpectedReliability, SplitHalf};
+use super::screening::{Criterion, Participant};
+use super::sos::SosFit;
+use super::t_test::TTest;
+use crate::dataset::opinions::Stimulus;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use vernis_metric::math::quantile::Interval;
+
+/// The statistics of a study. What the study does not allow is `None` and named in `missing`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StudyRecord {
+    pub study: String,
+    /// How the record was asked for.
+    pub command: String,
+    /// Of this crate.
+    pub version: String,
+    /// SHA-256 of the files that were read, by name.
+    pub data: BTreeMap<String, String>,
+    /// Ratings come from simulated observers and say nothing about people.
+    pub synthetic: bool,
+    /// Rated stimuli that were found, and those of the whole study.
+    pub found: usize,
+    pub known: usize,
+    pub seed: u64,
+    /// Where standard deviations and intervals of single means come from.
+    pub spread: Spread,
+    /// By stimulus.
+    pub opinions: Vec<RatedStimulus>,
+    pub materials: usize,
+    pub methods: usize,
+    /// Illuminations, that with the most stimuli first; statistics that do not compare illuminations use it alone.
+    pub illuminations: Vec<String>,
+    pub panel: Option<Panel>,
+    pub split_half: Option<SplitHalf>,
+    /// Where there are means alone: what the noise model expects.
+    pub expected_reliability: Option<ExpectedReliability>,
+    /// ICC(1,1) and ICC(1,k).
+    pub intraclass_one_way: Option<Intraclass>,
+    /// ICC(2,1) and ICC(2,k).
+    pub intraclass_two_way: Option<Intraclass>,
+    pub sos: Option<SosFit>,
+    pub material_types: Option<TypeComparison>,
+    pub illumination: Option<IlluminationComparison>,
+    /// Material type x method, under the first illumination.
+    pub anova_two_way: Option<Anova>,
+    /// Illumination x material type x method, on what was rated under both.
+    pub anova_three_way: Option<Anova>,
+    pub boxes: Vec<BoxSet>,
+    pub missing: Vec<Missing>,
+}
+
+/// Where the spread of scores around a mean comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "source", rename_all = "kebab-case")]
+pub enum Spread {
+    /// The scores themselves.
+    Scores,
+    /// Assumed: variance a (-x^2 + 6x - 5) and a number of raters.
+    NoiseModel { a: f64, raters: usize },
+}
+
+/// A stimulus and what the panel said of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RatedStimulus {
+    #[serde(flatten)]
+    pub stimulus: Stimulus,
+    #[serde(flatten)]
+    pub opinion: Opinion,
+}
+
+/// Who rated.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Panel {
+    /// Checks that reject.
+    pub rejecting: Vec<Criterion>,
+    /// Participants that are left, and their judgements: what every statistic rests on.
+    pub participants: usize,
+    pub judgements: usize,
+    /// Mean and standard deviation over the participants.
+    pub judgements_each: Option<MeanAndDeviation>,
+    /// Mean and standard deviation over the stimuli.
+    pub raters_each: Option<MeanAndDeviation>,
+    /// Everybody, rejected or not.
+    pub screened: Vec<Participant>,
+}
+
+impl Panel {
+    /// Participants that were rejected.
+    pub fn rejected(&self) -> impl Iterator<Item = &Participant> {
+        self.screened.iter().filter(|p| p.fails.iter().any(|c| self.rejecting.contains(c)))
+    }
+
+    /// How many participants fail a check.
+    pub fn failing(&self, criterion: Criterion) -> usize {
+        self.screened.iter().filter(|p| p.fails.contains(&criterion)).count()
+    }
+}
+
+/// Two types of material, without hidden references but where they are named.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TypeComparison {
+    /// In the order of the differences: first minus second.
+    pub types: [String; 2],
+    /// Welch's test of the mean opinion scores.
+    pub mos: TTest,
+    /// 95 % of the same difference, by bootstrap of materials, whose ratings hang together.
+    pub by_material: Option<Interval>,
+    /// Welch's test of the standard deviations.
+    pub deviation: Option<TTest>,
+    /// Welch's test of the mean opinion scores of hidden references.
+    pub hidden_references: Option<TTest>,
+}
+
+/// Two illuminations, on what was rated under both.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct IlluminationComparison {
+    /// In the order of the differences: first minus second.
+    pub illuminations: [String; 2],
+    /// Paired test of the mean opinion scores of every stimulus, hidden references included.
+    pub mos: TTest,
+    /// Paired test of the standard deviations.
+    pub deviation: Option<TTest>,
+    /// Paired test of the mean opinion scores of hidden references.
+    pub hidden_references: Option<TTest>,
+    pub pearson: f64,
+    pub spearman: f64,
+    /// 95 %, by bootstrap of materials.
+    pub pearson_interval: Option<Interval>,
+    pub spearman_interval: Option<Interval>,
+}
+
+/// Box plots side by side.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BoxSet {
+    pub title: String,
+    /// What tells the boxes apart, such as `method` and `material type`.
+    pub factors: Vec<String>,
+    pub boxes: Vec<NamedBox>,
+}
+
+/// The mean opinion scores of the stimuli at one combination of levels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NamedBox {
+    /// One a factor.
+    pub levels: Vec<String>,
+    pub mos: BoxPlot,
+    pub mean: f64,
+    /// 95 % of the mean, by bootstrap of materials.
+    pub mean_interval: Option<Interval>,
+    /// Widths of the intervals of the single means; `None` where they are assumed.
+    pub interval_width: Option<BoxPlot>,
+}
+
+/// A statistic that the study does not allow.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Missing {
+    pub what: String,
+    /// What would have been needed.
+    pub why: String,
+}

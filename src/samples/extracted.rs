@@ -1,0 +1,338 @@
+//! A study as numbers in a Parquet file: what a trainer needs of it, without its BRDFs.
+//!
+//! One row a rated pair: its `place` in the study, what it belongs to, its score, where its BRDFs came from and the SHA-256 of
+//! their contents, then a column a descriptor or distance, and the same again with reference and candidate exchanged, under
+//! the name followed by `~exchanged`. The metadata hold a header in JSON under the key `vernis`. A file holds a whole study or
+//! one [`Shard`] of it; [`ExtractedStudy::merge`] joins shards.
+
+use super::parquet::{self, Values};
+use super::shard::Shard;
+use super::{Row, Samples};
+use crate::dataset::{Completeness, DatasetError, RatedPair, Study, StudyFile};
+use ndarray::{Array2, ArrayView2};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use vernis_metric::brdf::{BrdfSource, ContentHash};
+use vernis_metric::descriptor::Column;
+
+/// Of the layout of the file.
+const FORMAT: u32 = 1;
+/// Of the header among the metadata.
+const KEY: &str = "vernis";
+/// After the name of a column, for reference and candidate exchanged.
+const EXCHANGED: &str = "~exchanged";
+/// What the rows belong to; descriptors have other names.
+const TEXTS: [&str; 9] = [
+    "material",
+    "group",
+    "method",
+    "method_family",
+    "material_type",
+    "reference",
+    "candidate",
+    "reference_sha256",
+    "candidate_sha256",
+];
+
+/// What all files of a study have in common, but for the shard.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Header {
+    format: u32,
+    shard: Shard,
+    study: String,
+    /// Ratings come from simulated observers.
+    synthetic: bool,
+    /// Pairs at hand in the whole study, and pairs that it has.
+    pairs: usize,
+    known: usize,
+    files: Vec<File>,
+    /// What decides the numbers.
+    versions: Versions,
+    columns: Vec<Column>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct File {
+    name: String,
+    sha256: String,
+    as_published: Option<bool>,
+}
+
+/// What decides the numbers of a file besides the BRDFs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Versions {
+    /// Version of the descriptors, lights and shape, such as `v1-lamps-sphere`.
+    pub setup: String,
+    /// Of the classical distances, such as `lp 2, graphs 3`.
+    pub distances: String,
+}
+
+/// A study, or a shard of it, and its numbers.
+#[derive(Debug, Clone)]
+pub struct ExtractedStudy {
+    /// Its pairs are those of the shard; they name their sources, which need not be there.
+    pub study: Study,
+    /// With the exchanged pairs.
+    pub samples: Samples,
+    /// Of reference and candidate of every pair.
+    pub contents: Vec<[ContentHash; 2]>,
+    pub shard: Shard,
+    /// Of every pair in the whole study.
+    pub places: Vec<usize>,
+    /// Pairs of the whole study.
+    pub whole: usize,
+    pub versions: Versions,
+}
+
+impl ExtractedStudy {
+    /// The bytes of a Parquet file, the same for the same study.
+    ///
+    /// # Errors
+    /// Samples without exchanged pairs, or numbers that the format cannot hold.
+    pub fn to_parquet(&self) -> Result<Vec<u8>, DatasetError> {
+        let refused = |found: String| DatasetError::Content {
+            place: format!("the numbers of {}", self.study.name),
+            found,
+            allowed: "columns of one length, with exchanged pairs".to_owned(),
+        };
+        let pairs = &self.study.pairs;
+        let text = |of: &dyn Fn(&RatedPair) -> Option<String>| Values::Text(pairs.iter().map(of).collect());
+        let content = |side: usize| Values::Text(self.contents.iter().map(|c| Some(c[side].to_string())).collect());
+        let texts = [
+            text(&|p| Some(p.material.clone())),
+            text(&|p| Some(p.group.clone())),
+            text(&|p| Some(p.method.clone())),
+            text(&|p| Some(p.method_family.clone())),
+            text(&|p| p.material_type.clone()),
+            text(&|p| Some(p.reference.notation().to_owned())),
+            text(&|p| Some(p.candidate.notation().to_owned())),
+            content(0),
+            content(1),
+        ];
+        let mut columns = vec![("place".to_owned(), Values::Count(self.places.clone()))];
+        columns.extend(TEXTS.map(str::to_owned).into_iter().zip(texts));
+        columns.push(("mos".to_owned(), Values::Number(pairs.iter().map(|p| p.mos).collect())));
+        columns.push(("weight".to_owned(), Values::Number(pairs.iter().map(|p| p.weight).collect())));
+        let exchanged = self.samples.swapped().ok_or_else(|| refused("no exchanged pairs".to_owned()))?;
+        for (features, suffix) in [(self.samples.features(), ""), (exchanged, EXCHANGED)] {
+            let named = self.samples.columns().iter().zip(features.columns());
+            columns.extend(named.map(|(c, v)| (format!("{}{suffix}", c.name), Values::Number(v.to_vec()))));
+        }
+        let header = serde_json::to_string(&self.header()).map_err(|e| refused(e.to_string()))?;
+        parquet::write(KEY, &header, &columns).map_err(|e| refused(e.to_string()))
+    }
+
+    fn header(&self) -> Header {
+        let file =
+            |f: &StudyFile| File { name: f.name.clone(), sha256: f.content.to_string(), as_published: f.as_published };
+        Header {
+            format: FORMAT,
+            shard: self.shard,
+            study: self.study.name.clone(),
+            synthetic: self.study.synthetic,
+            pairs: self.whole,
+            known: self.study.completeness.known,
+            files: self.study.files.iter().map(file).collect(),
+            versions: self.versions.clone(),
+            columns: self.samples.columns().to_vec(),
+        }
+    }
+
+    /// Reads a file of [`ExtractedStudy::to_parquet`].
+    ///
+    /// # Errors
+    /// A file that is truncated, damaged, of another origin or of a newer format; columns that are missing; rows that cannot be.
+    pub fn load(path: &Path) -> Result<Self, DatasetError> {
+        let wrong = |found: String, allowed: String| DatasetError::Content {
+            place: path.display().to_string(),
+            found,
+            allowed,
+        };
+        let (header, columns) = parquet::read(path, KEY)?;
+        let header: Header = serde_json::from_str(&header)
+            .map_err(|e| wrong(format!("a header that cannot be read ({e})"), "a file of `vernis extract`".into()))?;
+        if header.format != FORMAT {
+            return Err(wrong(format!("format {}", header.format), format!("format {FORMAT}; extract again")));
+        }
+        let content = |text: &str| {
+            let hash = ContentHash::from_hex(text);
+            hash.ok_or_else(|| wrong(format!("`{text}`"), "a SHA-256 of 64 hexadecimal digits".into()))
+        };
+        let mut table = Table { path, columns };
+        let (places, mos, weight) = (table.counts("place")?, table.numbers("mos")?, table.numbers("weight")?);
+        let mut texts = BTreeMap::new();
+        for name in TEXTS {
+            texts.insert(name, table.texts(name)?);
+        }
+        let rows = places.len();
+        let text = |name: &str, row: usize| texts.get(name).and_then(|t| t.get(row)).cloned().flatten();
+        let needed = |name: &str, row: usize| {
+            text(name, row).ok_or_else(|| wrong(format!("no {name} in row {row}"), "text in every row".into()))
+        };
+        let pair = |row: usize| -> Result<RatedPair, DatasetError> {
+            Ok(RatedPair {
+                reference: BrdfSource::Notation(needed("reference", row)?),
+                candidate: BrdfSource::Notation(needed("candidate", row)?),
+                material: needed("material", row)?,
+                group: needed("group", row)?,
+                method: needed("method", row)?,
+                method_family: needed("method_family", row)?,
+                material_type: text("material_type", row),
+                mos: mos[row],
+                weight: weight[row],
+            })
+        };
+        let pairs: Vec<RatedPair> = (0..rows).map(pair).collect::<Result<_, _>>()?;
+        let contents = (0..rows)
+            .map(|row| Ok([content(&needed("reference_sha256", row)?)?, content(&needed("candidate_sha256", row)?)?]))
+            .collect::<Result<_, DatasetError>>()?;
+        let mut matrix = |suffix: &str| -> Result<Array2<f64>, DatasetError> {
+            let named = header.columns.iter().map(|column| table.numbers(&format!("{}{suffix}", column.name)));
+            let columns: Vec<Vec<f64>> = named.collect::<Result<_, _>>()?;
+            Ok(Array2::from_shape_fn((rows, columns.len()), |(row, column)| columns[column][row]))
+        };
+        let (values, exchanged) = (matrix("")?, matrix(EXCHANGED)?);
+        let of_rows = |e: super::SamplesError| wrong(e.to_string(), "the numbers of a study".into());
+        let samples = Samples::new(header.columns.clone(), pairs.iter().map(RatedPair::row).collect(), values)
+            .and_then(|samples| samples.with_swapped(exchanged))
+            .map_err(of_rows)?;
+        let distinct: BTreeSet<usize> = places.iter().copied().filter(|&place| place < header.pairs).collect();
+        if distinct.len() != rows || (header.shard == Shard::WHOLE && rows != header.pairs) {
+            let found = format!("{rows} rows at {} places of {}", distinct.len(), header.pairs);
+            return Err(wrong(found, "every row at a place of its own, and a whole study with all of its rows".into()));
+        }
+        let file = |f: &File| {
+            Ok(StudyFile { name: f.name.clone(), content: content(&f.sha256)?, as_published: f.as_published })
+        };
+        let study = Study {
+            name: header.study,
+            synthetic: header.synthetic,
+            completeness: Completeness { found: header.pairs, known: header.known },
+            files: header.files.iter().map(file).collect::<Result<_, DatasetError>>()?,
+            pairs,
+        };
+        let (shard, whole, versions) = (header.shard, header.pairs, header.versions);
+        Ok(Self { study, samples, contents, shard, places, whole, versions })
+    }
+
+    /// The whole study from all of its shards, each with the name of its file, in any order.
+    ///
+    /// # Errors
+    /// No file, files of different studies or versions, a shard that is missing or given twice, pairs that are.
+    pub fn merge(parts: Vec<(String, Self)>) -> Result<Self, DatasetError> {
+        let wrong = |place: &str, found: String, allowed: String| DatasetError::Content {
+            place: place.to_owned(),
+            found,
+            allowed,
+        };
+        let Some((first_name, first)) = parts.first() else {
+            return Err(wrong("merge", "no file".into(), "the files of all shards of a study".into()));
+        };
+        let common = |part: &Self| Header { shard: Shard::WHOLE, ..part.header() };
+        let expected = common(first);
+        let mut seen: BTreeMap<usize, &str> = BTreeMap::new();
+        for (name, part) in &parts {
+            let found = common(part);
+            if found != expected || part.shard.count() != first.shard.count() {
+                let what = expected.difference(&found).unwrap_or("number of shards");
+                let allowed = format!("the {what} of {first_name}, so that they are shards of one study");
+                return Err(wrong(name, format!("another {what}"), allowed));
+            }
+            if let Some(other) = seen.insert(part.shard.number(), name) {
+                return Err(wrong(
+                    name,
+                    format!("shard {} again, as in {other}", part.shard),
+                    "each shard once".into(),
+                ));
+            }
+        }
+        let missing: Vec<String> =
+            (1..=first.shard.count()).filter(|k| !seen.contains_key(k)).map(|k| k.to_string()).collect();
+        if !missing.is_empty() {
+            let found = format!("no shard {} of {}", missing.join(", "), first.shard.count());
+            return Err(wrong("merge", found, "the files of all shards".into()));
+        }
+        let mut order: Vec<(usize, usize, usize)> = Vec::new();
+        for (number, (_, part)) in parts.iter().enumerate() {
+            order.extend(part.places.iter().enumerate().map(|(row, &place)| (place, number, row)));
+        }
+        order.sort_unstable();
+        let whole = first.whole;
+        if !order.iter().map(|(place, _, _)| *place).eq(0..whole) {
+            let found = format!("{} rows, some missing or there twice", order.len());
+            return Err(wrong("merge", found, format!("one row for each of the {whole} pairs")));
+        }
+        let matrix = |of: &dyn Fn(&Samples) -> Option<ArrayView2<'_, f64>>| -> Option<Array2<f64>> {
+            let views: Vec<ArrayView2<'_, f64>> = parts.iter().map(|(_, p)| of(&p.samples)).collect::<Option<_>>()?;
+            let width = first.samples.columns().len();
+            Some(Array2::from_shape_fn((whole, width), |(place, column)| {
+                let (_, number, row) = order[place];
+                views[number][(row, column)]
+            }))
+        };
+        let refused = |e: String| wrong("merge", e, "the numbers of a study".into());
+        let values = matrix(&|samples| Some(samples.features())).ok_or_else(|| refused("no numbers".into()))?;
+        let exchanged = matrix(&|samples| samples.swapped()).ok_or_else(|| refused("no exchanged pairs".into()))?;
+        let of = |&(_, number, row): &(usize, usize, usize)| (&parts[number].1, row);
+        let pairs: Vec<RatedPair> = order.iter().map(of).map(|(part, row)| part.study.pairs[row].clone()).collect();
+        let rows: Vec<Row> = pairs.iter().map(RatedPair::row).collect();
+        let samples = Samples::new(first.samples.columns().to_vec(), rows, values)
+            .and_then(|samples| samples.with_swapped(exchanged))
+            .map_err(|e| refused(e.to_string()))?;
+        Ok(Self {
+            study: Study { pairs, ..first.study.clone() },
+            samples,
+            contents: order.iter().map(of).map(|(part, row)| part.contents[row]).collect(),
+            shard: Shard::WHOLE,
+            places: (0..whole).collect(),
+            whole,
+            versions: first.versions.clone(),
+        })
+    }
+}
+
+impl Header {
+    /// The first thing in which two headers differ.
+    fn difference(&self, other: &Self) -> Option<&'static str> {
+        [
+            ("study", self.study != other.study || self.synthetic != other.synthetic),
+            ("number of pairs", self.pairs != other.pairs || self.known != other.known),
+            ("set of ratings", self.files != other.files),
+            ("version of the numbers", self.versions != other.versions),
+            ("set of columns", self.columns != other.columns),
+        ]
+        .into_iter()
+        .find_map(|(what, differs)| differs.then_some(what))
+    }
+}
+
+/// Columns that are taken out by name.
+struct Table<'a> {
+    path: &'a Path,
+    columns: BTreeMap<String, Values>,
+}
+
+impl Table<'_> {
+    fn take<T>(&mut self, name: &str, kind: impl Fn(Values) -> Option<T>) -> Result<T, DatasetError> {
+        let found = self.columns.remove(name);
+        let missing = if found.is_some() { "another kind of column" } else { "no column" };
+        found.and_then(kind).ok_or_else(|| DatasetError::Content {
+            place: self.path.display().to_string(),
+            found: format!("{missing} {name}"),
+            allowed: "the columns that its header names".to_owned(),
+        })
+    }
+
+    fn texts(&mut self, name: &str) -> Result<Vec<Option<String>>, DatasetError> {
+        self.take(name, |values| if let Values::Text(texts) = values { Some(texts) } else { None })
+    }
+
+    fn numbers(&mut self, name: &str) -> Result<Vec<f64>, DatasetError> {
+        self.take(name, |values| if let Values::Number(numbers) = values { Some(numbers) } else { None })
+    }
+
+    fn counts(&mut self, name: &str) -> Result<Vec<usize>, DatasetError> {
+        self.take(name, |values| if let Values::Count(counts) = values { Some(counts) } else { None })
+    }
+}

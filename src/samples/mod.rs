@@ -1,0 +1,258 @@
+//! A study as numbers: extraction from BRDFs, the Parquet file, shards, and grouped splits.
+//!
+//! [`Samples`] is a matrix: one row a rated pair, one column a descriptor or a classical distance. [`split`] makes
+//! [`split::TrainingSet`] and [`split::HeldOut`] out of it; trainers see nothing else.
+
+#[cfg(feature = "train")]
+pub mod extracted;
+pub mod extraction;
+pub mod graph_distances;
+#[cfg(feature = "train")]
+mod parquet;
+pub mod shard;
+pub mod split;
+mod workers;
+
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use std::collections::{BTreeMap, BTreeSet};
+use thiserror::Error;
+use vernis_metric::descriptor::Column;
+
+/// What a row belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Name of the reference's material.
+    pub material: String,
+    /// Rows of one group are never on both sides of a split: materials with their sisters.
+    pub group: String,
+    /// Approximation method as the ratings name it.
+    pub method: String,
+    /// Methods of one family are left out together: `ABC` with `ABC-OURS`.
+    pub method_family: String,
+    /// Dielectric or metal, where the study says.
+    pub material_type: Option<String>,
+    /// Mean opinion score, 1 to 5.
+    pub mos: f64,
+    /// Training weight, positive.
+    pub weight: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SamplesError {
+    #[error("{what}: found {found}, expected {expected}")]
+    Shape { what: &'static str, found: usize, expected: usize },
+    #[error("column {name} stands twice; every descriptor has its own name")]
+    DuplicateColumn { name: String },
+    #[error("row {row}: material {material} is in group {found}, but its other rows are in {expected}")]
+    TwoGroups { row: usize, material: String, found: String, expected: String },
+    #[error("row {row} ({material}, {method}): {column} is {value}; every descriptor must be finite")]
+    NotFinite { row: usize, material: String, method: String, column: String, value: f64 },
+    #[error("row {row} ({material}, {method}): {what} is {value}; allowed: {allowed}")]
+    Rating { row: usize, material: String, method: String, what: &'static str, value: f64, allowed: &'static str },
+}
+
+/// A study as numbers: `features` is rows x columns.
+#[derive(Debug, Clone)]
+pub struct Samples {
+    columns: Vec<Column>,
+    rows: Vec<Row>,
+    features: Array2<f64>,
+    swapped: Option<Array2<f64>>,
+}
+
+impl Samples {
+    /// Checked: shapes agree, column names are unique, descriptors are finite, scores lie in 1..=5, weights are
+    /// positive and finite, and a material is in one group.
+    pub fn new(columns: Vec<Column>, rows: Vec<Row>, features: Array2<f64>) -> Result<Self, SamplesError> {
+        let shape = |what, found, expected| {
+            if found == expected { Ok(()) } else { Err(SamplesError::Shape { what, found, expected }) }
+        };
+        shape("rows of the feature matrix", features.nrows(), rows.len())?;
+        shape("columns of the feature matrix", features.ncols(), columns.len())?;
+        check_columns(&columns)?;
+        let mut group_of: BTreeMap<&str, &str> = BTreeMap::new();
+        for (i, (row, values)) in rows.iter().zip(features.outer_iter()).enumerate() {
+            let expected = *group_of.entry(&row.material).or_insert(&row.group);
+            if expected != row.group {
+                return Err(SamplesError::TwoGroups {
+                    row: i,
+                    material: row.material.clone(),
+                    found: row.group.clone(),
+                    expected: expected.to_owned(),
+                });
+            }
+            check_row(i, row)?;
+            if let Some((c, &value)) = columns.iter().zip(values).find(|(_, v)| !v.is_finite()) {
+                return Err(SamplesError::NotFinite {
+                    row: i,
+                    material: row.material.clone(),
+                    method: row.method.clone(),
+                    column: c.name.clone(),
+                    value,
+                });
+            }
+        }
+        Ok(Self { columns, rows, features, swapped: None })
+    }
+
+    /// The same pairs with reference and candidate exchanged, rows x columns: people who rate how alike two materials look
+    /// would say the same, so that a trainer may learn from them as well.
+    pub fn with_swapped(mut self, swapped: Array2<f64>) -> Result<Self, SamplesError> {
+        let shape = |what, found, expected| {
+            if found == expected { Ok(()) } else { Err(SamplesError::Shape { what, found, expected }) }
+        };
+        shape("rows of the swapped features", swapped.nrows(), self.rows.len())?;
+        shape("columns of the swapped features", swapped.ncols(), self.columns.len())?;
+        // The checks of the constructor hold for these numbers as well.
+        Self::new(self.columns.clone(), self.rows.clone(), swapped.clone())?;
+        self.swapped = Some(swapped);
+        Ok(self)
+    }
+
+    /// What [`Samples::with_swapped`] was given.
+    pub fn swapped(&self) -> Option<ArrayView2<'_, f64>> {
+        self.swapped.as_ref().map(|s| s.view())
+    }
+
+    /// The rows, and after them the same pairs exchanged, at `weight` times their weight; without exchanged pairs the rows
+    /// alone.
+    pub(super) fn doubled(&self, weight: f64) -> Self {
+        let Some(swapped) = &self.swapped else { return self.clone() };
+        let added = self.rows.iter().map(|r| Row { weight: weight * r.weight, ..r.clone() });
+        let rows: Vec<Row> = self.rows.iter().cloned().chain(added).collect();
+        let width = self.columns.len();
+        let features = Array2::from_shape_fn((rows.len(), width), |(i, j)| match i.checked_sub(self.rows.len()) {
+            None => self.features[(i, j)],
+            Some(i) => swapped[(i, j)],
+        });
+        Self { columns: self.columns.clone(), rows, features, swapped: None }
+    }
+
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// Rows x columns.
+    pub fn features(&self) -> ArrayView2<'_, f64> {
+        self.features.view()
+    }
+
+    pub fn column(&self, index: usize) -> ArrayView1<'_, f64> {
+        self.features.column(index)
+    }
+
+    /// The rows at `indices`, in that order.
+    pub fn select_rows(&self, indices: &[usize]) -> Self {
+        Self {
+            columns: self.columns.clone(),
+            rows: indices.iter().map(|&i| self.rows[i].clone()).collect(),
+            features: self.features.select(Axis(0), indices),
+            swapped: self.swapped.as_ref().map(|s| s.select(Axis(0), indices)),
+        }
+    }
+
+    /// The columns that `keep` accepts, in their order.
+    pub fn select_columns(&self, keep: impl Fn(&Column) -> bool) -> Self {
+        let indices: Vec<usize> = (0..self.columns.len()).filter(|&i| keep(&self.columns[i])).collect();
+        Self {
+            columns: indices.iter().map(|&i| self.columns[i].clone()).collect(),
+            rows: self.rows.clone(),
+            features: self.features.select(Axis(1), &indices),
+            swapped: self.swapped.as_ref().map(|s| s.select(Axis(1), &indices)),
+        }
+    }
+}
+
+fn check_columns(columns: &[Column]) -> Result<(), SamplesError> {
+    let mut names = BTreeSet::new();
+    match columns.iter().find(|c| !names.insert(&c.name)) {
+        Some(c) => Err(SamplesError::DuplicateColumn { name: c.name.clone() }),
+        None => Ok(()),
+    }
+}
+
+fn check_row(index: usize, row: &Row) -> Result<(), SamplesError> {
+    let error = |what, value, allowed| {
+        let (material, method) = (row.material.clone(), row.method.clone());
+        Err(SamplesError::Rating { row: index, material, method, what, value, allowed })
+    };
+    if !(1.0..=5.0).contains(&row.mos) {
+        return error("mos", row.mos, "1 to 5");
+    }
+    if !(row.weight > 0.0 && row.weight.is_finite()) {
+        return error("weight", row.weight, "finite and greater than 0");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+    use vernis_metric::descriptor::Role;
+
+    fn row(material: &str, group: &str) -> Row {
+        Row {
+            material: material.into(),
+            group: group.into(),
+            method: "m".into(),
+            method_family: "m".into(),
+            material_type: None,
+            mos: 3.0,
+            weight: 1.0,
+        }
+    }
+
+    fn columns() -> Vec<Column> {
+        let column = |name: &str, role| Column { name: name.into(), family: "f".into(), role };
+        vec![column("d", Role::Difference), column("c", Role::Context)]
+    }
+
+    fn samples() -> Samples {
+        let rows = vec![row("a", "a"), row("b", "b"), row("c", "c")];
+        Samples::new(columns(), rows, array![[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]).unwrap()
+    }
+
+    #[test]
+    fn selections_keep_rows_and_columns_together() {
+        let s = samples().select_rows(&[2, 0, 2]);
+        assert_eq!(s.features(), array![[5.0, 6.0], [1.0, 2.0], [5.0, 6.0]]);
+        assert_eq!(s.rows().iter().map(|r| r.material.as_str()).collect::<Vec<_>>(), ["c", "a", "c"]);
+        let context = samples().select_columns(|c| c.role == Role::Context);
+        assert_eq!(context.features(), array![[2.0], [4.0], [6.0]]);
+        assert_eq!(context.columns().len(), 1);
+    }
+
+    #[test]
+    fn what_cannot_be_learned_from_is_refused() {
+        let matrix = array![[1.0, 2.0], [3.0, 4.0]];
+        let rows = || vec![row("a", "a"), row("b", "b")];
+        let refused = |columns, rows, features| Samples::new(columns, rows, features).unwrap_err();
+        assert!(matches!(
+            refused(columns(), vec![row("a", "a")], matrix.clone()),
+            SamplesError::Shape { found: 2, .. }
+        ));
+        let twice = vec![columns()[0].clone(), columns()[0].clone()];
+        assert!(matches!(refused(twice, rows(), matrix.clone()), SamplesError::DuplicateColumn { .. }));
+        let nan = array![[1.0, 2.0], [3.0, f64::NAN]];
+        assert!(matches!(refused(columns(), rows(), nan), SamplesError::NotFinite { row: 1, .. }));
+        let split = vec![row("a", "a"), row("a", "b")];
+        assert!(matches!(refused(columns(), split, matrix.clone()), SamplesError::TwoGroups { row: 1, .. }));
+        for (mos, weight) in [(0.9, 1.0), (f64::NAN, 1.0), (3.0, 0.0), (3.0, f64::INFINITY)] {
+            let rows = vec![row("a", "a"), Row { mos, weight, ..row("b", "b") }];
+            assert!(matches!(refused(columns(), rows, matrix.clone()), SamplesError::Rating { row: 1, .. }));
+        }
+    }
+}

@@ -11,6 +11,7 @@ use vernis_metric::descriptor::{
     BrdfFeatures, Cache, DescriptorError, DescriptorOptions, DescriptorSet, Extractor, Lights, Setup, ShapeChoice,
     compact,
 };
+use vernis_metric::light::LightError;
 use vernis_metric::math::{Rgb, Vec3};
 
 fn data() -> Option<PathBuf> {
@@ -347,5 +348,7 @@ fn probes_and_meshes_are_options_with_an_identity() {
     assert!(weighted.unwrap().id().contains("mesh-"));
     std::fs::write(&probe, b"#?RADIANCE\nbroken").unwrap();
     let error = Setup::new(&DescriptorOptions { lights: Lights::Probe(probe), ..Default::default() }).unwrap_err();
-    assert!(matches!(error, LightError::Probe { .. }) && error.to_string().contains("grey.hdr"));
+    assert!(
+        matches!(error, DescriptorError::Light(LightError::Probe { .. })) && error.to_string().contains("grey.hdr")
+    );
 }

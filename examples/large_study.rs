@@ -21,7 +21,8 @@ use vernis::brdf::formats::titopo;
 use vernis::brdf::models::Ggx;
 use vernis::brdf::{Grid, TabulatedBrdf};
 use vernis::dataset::Study;
-use vernis::descriptor::{DescriptorSet, Progress, Setup};
+use vernis::descriptor::{DescriptorSet, Setup};
+use vernis::io::Progress;
 use vernis::metric::registry::Registry;
 use vernis::samples::extraction::MatrixBuilder;
 

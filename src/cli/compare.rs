@@ -1,5 +1,6 @@
 //! `vernis compare`: two BRDFs, any number of metrics.
 
+use super::workspace::MetricChoice;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
@@ -28,12 +29,8 @@ pub struct CompareArgs {
     reference: String,
     /// The candidate that approximates it.
     candidate: String,
-    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
-    #[arg(long = "metric", short, value_name = "NAME|FILE")]
-    metrics: Vec<String>,
-    /// Cells of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
-    #[arg(long, value_name = "GRID")]
-    grid: Option<String>,
+    #[command(flatten)]
+    choice: MetricChoice,
     /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
     #[arg(long)]
     json: bool,
@@ -43,18 +40,16 @@ pub struct CompareArgs {
 }
 
 pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
-    let metrics = workspace::metrics_on(&args.metrics, args.grid.as_deref())?;
+    let metrics = args.choice.metrics()?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
     let candidate = workspace::open(&args.candidate, shared.data.as_deref())?;
-    if metrics.iter().any(|m| m.as_learned().is_some()) {
-        workspace::prepare(&metrics, workspace::cache(shared)?.as_ref());
-    }
+    workspace::warm_up(shared, &metrics)?;
     let found = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref()).map_err(user_error)?;
     if args.json {
         return print(serde_json::to_string_pretty(&to_json(&found, args.per_channel))? + "\n");
     }
     let mut text = to_text(&found, args.per_channel);
-    if metrics.iter().filter_map(|m| m.as_learned()).any(|m| m.exported().provenance.synthetic) {
+    if metrics.iter().any(|metric| metric.properties().synthetic) {
         text += "SYNTHETIC: a metric above was trained on simulated observers; its scores say nothing about people.\n";
     }
     print(text)

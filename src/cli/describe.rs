@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use vernis_metric::brdf::{Brdf, Grid};
-use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family};
+use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family, Setup};
 use vernis_metric::math::coordinates::standard_directions;
 
 /// Describe one BRDF: what it is, and its descriptors.
@@ -28,7 +28,7 @@ pub struct DescribeArgs {
 
 pub fn run(shared: &Shared, args: DescribeArgs) -> Result<()> {
     let open = workspace::open(&args.brdf, shared.data.as_deref())?;
-    let setup = workspace::setup();
+    let setup = Setup::standard();
     let cache = workspace::cache(shared)?;
     workspace::warn(cache.as_ref().and_then(|c| c.prepare(&setup)));
     let features = BrdfFeatures::compute(open.brdf.as_ref(), &setup).map_err(user_error)?;

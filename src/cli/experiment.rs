@@ -6,21 +6,8 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
-use vernis::experiment::ExperimentError;
-use vernis::experiment::losses::Loss;
-use vernis::experiment::losses::record::LossesRecord;
-use vernis::experiment::losses::run::{Experiment, Probe, Settings, materials};
-use vernis::experiment::losses::unseen::UnseenTraining;
-use vernis::report::{OutputFolder, losses};
-use vernis::train::recipe;
-use vernis_metric::descriptor::{DescriptorOptions, Lights, Setup, ShapeChoice};
-use vernis_metric::metric::graph::GraphGrid;
-
-/// The study's light probes.
-const PROBES: [(&str, &str); 2] =
-    [("grace", "envmaps/grace_probe_latlong.hdr"), ("uffizi", "envmaps/uffizi_spica.hdr")];
-/// The models that are fitted.
-const MODELS: [&str; 3] = ["ggx", "ward-duer", "blinn-phong"];
+use vernis::experiment::losses::{Found, LossesOptions, losses};
+use vernis::report::{self, OutputFolder};
 
 /// Experiments.
 #[derive(Args)]
@@ -83,7 +70,7 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
     }
 }
 
-fn settings(args: &LossesArgs) -> Result<Settings> {
+fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
     for (flag, found, least) in
         [("materials", args.materials, 2), ("folds", args.folds, 2), ("max-evaluations", args.max_evaluations, 10)]
     {
@@ -91,75 +78,34 @@ fn settings(args: &LossesArgs) -> Result<Settings> {
             return Err(user_error(format!("--{flag}: found {found}, allowed {least} or more")));
         }
     }
-    let grid: GraphGrid = args.graph_grid.parse().map_err(|e| user_error(format!("--graph-grid: {e}")))?;
-    Ok(Settings {
-        models: MODELS.map(str::to_owned).to_vec(),
-        losses: Loss::ALL.to_vec(),
+    Ok(LossesOptions {
+        data: shared.data.clone(),
+        cache: workspace::cache(shared)?,
+        folder: args.out.clone(),
+        materials: args.materials,
         coarsening: args.grid,
+        graph_grid: args.graph_grid.parse().map_err(|e| user_error(format!("--graph-grid: {e}")))?,
         max_evaluations: args.max_evaluations,
-        transport: format!("ot[grid={grid},kappa=4]"),
-        energy: format!("energy[grid={grid}]"),
-        seed: args.seed,
         folds: args.folds,
+        resamples: args.resamples,
+        seed: args.seed,
+        compute: !args.report,
     })
 }
 
-/// The two light probes, which belong to the data folder.
-fn probes(data: Option<&Path>) -> Result<Vec<Probe>> {
-    let probe = |(name, path): (&str, &str)| {
-        let path = data.map_or_else(|| PathBuf::from(path), |data| data.join(path));
-        let options = DescriptorOptions { lights: Lights::Probe(path), shape: ShapeChoice::Sphere };
-        Ok(Probe { name: name.to_owned(), setup: Setup::new(&options).map_err(user_error)? })
-    };
-    PROBES.into_iter().map(probe).collect()
-}
-
 fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
-    let settings = settings(args)?;
-    let data = shared.data.as_deref();
-    let study = Study::load(&args.study, data).map_err(user_error)?;
+    let options = options(shared, args)?;
+    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
-    let probes = probes(data)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
-    let [fits, metrics] = ["fits", "metrics"].map(|name| OutputFolder::create(args.out.join(name)));
-    let (fits, metrics) = (fits.map_err(user_error)?, metrics.map_err(user_error)?);
-    let keep = |folder: &OutputFolder, name: &str, text: &str| {
-        let written = folder.write(name, text.as_bytes()).map(drop);
-        written.map_err(|e| ExperimentError::Write { reason: e.to_string() })
-    };
-    let cache = workspace::cache(shared)?;
     let bar = Bar::new();
-    bar.stage("picture operators");
-    workspace::warn(cache.iter().flat_map(|c| probes.iter().filter_map(|p| c.prepare(&p.setup))));
-    let unseen = UnseenTraining {
-        study: &study,
-        base: data,
-        cache: cache.as_ref(),
-        trainer: &recipe::metric(),
-        folds: args.folds,
-        seed: args.seed,
-        folder: metrics.path(),
-        write: &|name, text| keep(&metrics, name, text),
-        progress: &|stage, progress| bar.update(stage, progress),
-    }
-    .run()
-    .map_err(user_error)?;
-    let experiment = Experiment {
-        study: &study,
-        settings: &settings,
-        unseen: &unseen,
-        probes: &probes,
-        base: data,
-        folder: fits.path(),
-        write: &|name, text| keep(&fits, name, text),
-        progress: &|progress| bar.update("fits", progress),
-    };
-    let records = experiment.run(&materials(&study, args.materials, args.seed), args.report);
+    let found = losses(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
-    let record = LossesRecord::new(&study, &settings, &records.map_err(user_error)?, args.resamples);
-    let record = record.map_err(user_error)?;
-    let report = folder.write("report.md", losses::markdown(&record, &command_line(args, &study)).as_bytes())?;
-    print(format!("{}report: {}\n", losses::text(&record), report.display()))
+    let Found { record, warnings } = found.map_err(user_error)?;
+    workspace::warn(&warnings);
+    let text = report::losses::markdown(&record, &command_line(args, &study));
+    let path = folder.write("report.md", text.as_bytes())?;
+    print(format!("{}report: {}\n", report::losses::text(&record), path.display()))
 }
 
 /// What to type for the same bytes: without folders, which do not matter.

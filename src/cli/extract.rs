@@ -1,15 +1,17 @@
 //! `vernis extract` and `vernis merge`: a study, or a shard of it, as numbers in a Parquet file.
 
 use super::progress::Bar;
-use super::study_input::{StudyInput, matrix, short_name, versions};
+use super::study_input::StudyInput;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
+use vernis::experiment::train;
 use vernis::report::OutputFolder;
-use vernis::samples::extracted::ExtractedStudy;
+use vernis::samples::extracted::{ExtractedStudy, Versions};
 use vernis::samples::shard::Shard;
+use vernis_metric::descriptor::Setup;
 
 /// Compute all descriptors and distances of a study, or of a shard of it, into a Parquet file.
 #[derive(Args)]
@@ -51,17 +53,19 @@ pub struct MergeArgs {
 
 pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
     let study = args.input.study(shared)?;
-    let setup = args.input.setup()?;
+    let setup = Setup::new(&args.input.view.options()).map_err(user_error)?;
     let places = args.shard.places(&study);
-    let short = short_name(&study);
+    let short = study.short_name();
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(&short));
     let folder = OutputFolder::create(out).map_err(user_error)?;
     let cache = workspace::cache(shared)?;
     let of_shard = Study { pairs: places.iter().map(|&place| study.pairs[place].clone()).collect(), ..study.clone() };
     let bar = Bar::new();
-    let found = matrix(shared, &of_shard, &setup, cache.as_ref(), &bar);
+    let progress = |stage: &str, progress| bar.update(stage, progress);
+    let found = train::extract(&of_shard, &setup, shared.data.as_deref(), cache.as_ref(), &progress);
     bar.finish();
-    let found = found?;
+    let found = found.map_err(workspace::experiment_error)?;
+    workspace::warn(&found.warnings);
     let extracted = ExtractedStudy {
         study: of_shard,
         samples: found.samples,
@@ -69,7 +73,7 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
         shard: args.shard,
         places,
         whole: study.pairs.len(),
-        versions: versions(setup.id()),
+        versions: Versions::new(setup.id(), &train::metrics(&study)?),
     };
     let name = match args.shard {
         Shard::WHOLE => format!("{short}.parquet"),

@@ -1,16 +1,15 @@
 //! `vernis fit`: the parameters of a model from a BRDF, under any metric.
 
 use super::progress::Bar;
+use super::view::View;
 use super::{Shared, print, user_error, workspace};
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::fit::optimizer::StopReason;
 use vernis_metric::fit::{FitError, FitFile, Fitting, Start};
-use vernis_metric::metric::Metric;
 
 /// Fit a model to a BRDF.
 #[derive(Args)]
@@ -33,6 +32,8 @@ pub struct FitArgs {
     /// The loss: a metric by name, or the path of an exported metric.
     #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
     metric: String,
+    #[command(flatten)]
+    view: View,
     /// staged, log (a fit under D9.Cl first, then a learned metric by degrees), log-at-once (without the degrees), or a file of
     /// parameters [default: log for learned metrics, else staged].
     #[arg(long, value_name = "staged|log|log-at-once|FILE.json")]
@@ -73,7 +74,7 @@ impl std::fmt::Display for NotConverged {
 impl std::error::Error for NotConverged {}
 
 pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
-    let metric = one_metric(&args.metric)?;
+    let metric = workspace::one_metric(&args.metric, &args.view.options())?;
     let start = args.start.as_deref().map(|s| start(s, &args.model)).transpose()?;
     let fitting = Fitting {
         model: &args.model,
@@ -87,9 +88,7 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
     };
     let (folder, name) = output(&args.out)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
-    if metric.as_learned().is_some() {
-        workspace::prepare(std::slice::from_ref(&metric), workspace::cache(shared)?.as_ref());
-    }
+    workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
     let fitted = fitting.run(&*reference.brdf, &|stage, progress| bar.update(stage, progress));
     bar.finish();
@@ -113,14 +112,6 @@ pub fn named(error: FitError) -> anyhow::Error {
     match error {
         FitError::Write { .. } => anyhow!(error),
         _ => user_error(error),
-    }
-}
-
-pub fn one_metric(name: &str) -> Result<Arc<dyn Metric>> {
-    let mut found = workspace::metrics(&[name.to_owned()])?;
-    match (found.pop(), found.is_empty()) {
-        (Some(metric), true) => Ok(metric),
-        _ => Err(user_error(format!("--metric: found {name}, which is several metrics; allowed: one"))),
     }
 }
 

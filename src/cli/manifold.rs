@@ -12,8 +12,9 @@ use vernis::experiment::refit::file_name;
 use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::{merl, titopo};
 use vernis_metric::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
-use vernis_metric::descriptor::Progress;
+use vernis_metric::descriptor::DescriptorOptions;
 use vernis_metric::fit::manifold::{Kind, Manifold, SAMPLES};
+use vernis_metric::io::Progress;
 use vernis_metric::metric::Metric;
 use vernis_metric::metric::registry::distances;
 
@@ -126,7 +127,7 @@ struct Sample {
 }
 
 pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
-    let metrics = workspace::metrics(&args.metric)?;
+    let metrics = workspace::metrics(&args.metric, &DescriptorOptions::default())?;
     let sources = references(shared, &args)?;
     let Some(index) = sources.keys().position(|name| *name == args.material) else {
         let known = sources.keys().map(String::as_str).collect::<Vec<_>>().join(", ");

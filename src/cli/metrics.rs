@@ -23,7 +23,7 @@ pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
             .map(|m| {
                 let p = m.properties();
                 json!({
-                    "name": m.name(), "summary": p.summary, "unit": p.unit, "symmetric": p.symmetric,
+                    "name": m.name(), "version": m.version(), "summary": p.summary, "unit": p.unit, "symmetric": p.symmetric,
                     "usable_as_loss": p.usable_as_loss, "source": p.source,
                 })
             })
@@ -34,7 +34,7 @@ pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
     let mut text = String::new();
     for metric in registry.iter() {
         let p = metric.properties();
-        text += &format!("{:width$}  {} [{}]\n", metric.name(), p.summary, p.unit);
+        text += &format!("{:width$}  version {}: {} [{}]\n", metric.name(), metric.version(), p.summary, p.unit);
     }
     text += "\nOther members of the metrics on graphs: ot[p=2,alpha=.1,blur=.05,scaling=.8,phi=t^1/4,gamma=.25,grid=45x45x180],\n";
     text += "energy[phi=t^1/3,alpha=.1,gamma=.25], mmd-gaussian[blur=.05,...], mmd-laplacian[...]; phi is t, t^1/2, t^1/3, t^1/4\n";

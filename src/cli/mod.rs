@@ -23,6 +23,7 @@ mod study_input;
 mod sweep;
 #[cfg(feature = "train")]
 mod train;
+mod view;
 mod workspace;
 
 use anyhow::Result;

@@ -1,15 +1,15 @@
 //! `vernis refit`: the candidates of a study, made anew from its references.
 
 use super::progress::Bar;
+use super::view::View;
 use super::{Shared, fit, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use vernis::dataset::Study;
-use vernis::experiment::refit::{METHODS, Outcome, Refit, Refitting};
+use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, refit};
 use vernis::report::OutputFolder;
-use vernis_metric::fit::FitError;
 use vernis_metric::fit::optimizer::StopReason;
 
 /// Rebuild the candidates of a study from its references.
@@ -31,6 +31,8 @@ pub struct RefitArgs {
     /// The loss of the fits that have one.
     #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
     metric: String,
+    #[command(flatten)]
+    view: View,
     /// Cells of the metric to a cell of the search, along each axis.
     #[arg(long, value_name = "N", default_value_t = 3)]
     grid: usize,
@@ -40,31 +42,20 @@ pub struct RefitArgs {
 }
 
 pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
-    let metric = fit::one_metric(&args.metric)?;
+    let metric = workspace::one_metric(&args.metric, &args.view.options())?;
     let methods = methods(&args.method)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
-    if metric.as_learned().is_some() {
-        workspace::prepare(std::slice::from_ref(&metric), workspace::cache(shared)?.as_ref());
-    }
+    workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
-    let write = |name: &str, text: &str| {
-        folder.write(name, text.as_bytes()).map(drop).map_err(|e| FitError::Write { reason: e.to_string() })
-    };
-    let refitting = Refitting {
-        metric: &*metric,
-        methods,
-        coarsening: args.grid,
-        base: shared.data.as_deref(),
-        folder: &args.out,
-        write: &write,
-        progress: &|progress| bar.update("fits", progress),
-    };
-    let all = refitting.run(&study);
+    let options =
+        RefitOptions { data: shared.data.clone(), folder: args.out.clone(), metric, methods, coarsening: args.grid };
+    let all = refit(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let all = all.map_err(fit::named)?;
+    workspace::warn(all.iter().filter_map(|refit| refit.warning.as_ref()));
     folder.write("refit.csv", &to_csv(&all)?)?;
-    let table = to_markdown(&all, metric.name());
+    let table = to_markdown(&all, options.metric.name());
     folder.write("refit.md", table.as_bytes())?;
     print(format!("{table}\n{}\n", args.out.join("refit.csv").display()))
 }

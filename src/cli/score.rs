@@ -1,13 +1,14 @@
 //! `vernis score`: many pairs from a CSV file, in order, with one column a metric.
 
 use super::progress::Bar;
+use super::workspace::MetricChoice;
 use super::{Shared, print, user_error, workspace};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::csv_study::{csv_error, line_of};
 use vernis_metric::brdf::OpenBrdf;
-use vernis_metric::descriptor::Progress;
+use vernis_metric::io::Progress;
 use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare many pairs, from a CSV file to a CSV file.
@@ -23,12 +24,8 @@ Examples:
 pub struct ScoreArgs {
     /// CSV file with the columns reference,candidate.
     pairs: PathBuf,
-    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
-    #[arg(long = "metric", short, value_name = "NAME|FILE")]
-    metrics: Vec<String>,
-    /// Cells of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
-    #[arg(long, value_name = "GRID")]
-    grid: Option<String>,
+    #[command(flatten)]
+    choice: MetricChoice,
     /// CSV file to write.
     #[arg(long, value_name = "CSV")]
     out: PathBuf,
@@ -79,11 +76,10 @@ impl Pairs {
 }
 
 pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
-    let metrics = workspace::metrics_on(&args.metrics, args.grid.as_deref())?;
+    let metrics = args.choice.metrics()?;
     let pairs = Pairs::read(&args.pairs)?;
     let (folder, name) = workspace::output_file(&args.out)?;
-    let cache = workspace::cache(shared)?;
-    workspace::prepare(&metrics, cache.as_ref());
+    workspace::warm_up(shared, &metrics)?;
 
     let bar = Bar::new();
     let mut found: Vec<Vec<Distance>> = Vec::with_capacity(pairs.rows.len());

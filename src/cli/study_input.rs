@@ -1,21 +1,11 @@
 //! What `train`, `benchmark` and `extract` take in: a study and how its BRDFs are looked at.
 
-use super::progress::Bar;
-use super::{Shared, user_error, workspace};
+use super::view::View;
+use super::{Shared, user_error};
 use anyhow::Result;
 use clap::Args;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use vernis::dataset::{Study, synthetic};
-use vernis::samples::extracted::{ExtractedStudy, Versions};
-use vernis::samples::extraction::{MatrixBuilder, StudyMatrix, distance_versions};
-use vernis::train::recipe;
-use vernis_metric::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice, VERSION};
-use vernis_metric::metric::Metric;
-use vernis_metric::metric::registry::Registry;
-
-/// The study that is used where the data folder has it.
-pub const OPEN_STUDY: &str = "lavoue2021-open";
+use std::path::Path;
+use vernis::dataset::{Study, manifest, synthetic};
 
 /// Which study, and under which lights.
 #[derive(Args)]
@@ -24,12 +14,8 @@ pub struct StudyInput {
     /// has it, else synthetic].
     #[arg(long, value_name = "STUDY")]
     study: Option<String>,
-    /// A light probe (latitude/longitude, Radiance .hdr) instead of the lights defined by code.
-    #[arg(long, value_name = "HDR")]
-    lights: Option<PathBuf>,
-    /// A mesh (ASCII .ply) whose normals weight the pictures instead of the sphere's.
-    #[arg(long, value_name = "PLY")]
-    shape: Option<PathBuf>,
+    #[command(flatten)]
+    pub view: View,
 }
 
 impl StudyInput {
@@ -47,9 +33,9 @@ impl StudyInput {
         if let Some(name) = &self.study {
             return Study::load(name, data).map_err(user_error);
         }
-        match Study::load(OPEN_STUDY, data) {
+        match Study::load(manifest::OPEN, data) {
             Ok(study) => {
-                eprintln!("study {OPEN_STUDY}: human ratings; `--study {}` is the embedded one", synthetic::NAME);
+                eprintln!("study {}: human ratings; `--study {}` is the embedded one", manifest::OPEN, synthetic::NAME);
                 Ok(study)
             }
             Err(missing) => {
@@ -60,73 +46,4 @@ impl StudyInput {
             }
         }
     }
-
-    pub fn setup(&self) -> Result<Arc<Setup>> {
-        Setup::new(&DescriptorOptions {
-            lights: self.lights.clone().map_or(Lights::default(), Lights::Probe),
-            shape: self.shape.clone().map_or(ShapeChoice::default(), ShapeChoice::Mesh),
-        })
-        .map_err(user_error)
-    }
-
-    /// Whether BRDFs are looked at otherwise than by default.
-    pub fn has_options(&self) -> bool {
-        self.lights.is_some() || self.shape.is_some()
-    }
-}
-
-/// The name of a study for files: that of its file, where it is one.
-pub fn short_name(study: &Study) -> String {
-    Path::new(&study.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// All columns of `study`, computed where the cache lacks them.
-pub fn matrix(shared: &Shared, study: &Study, setup: &Setup, cache: Option<&Cache>, bar: &Bar) -> Result<StudyMatrix> {
-    bar.stage("picture operators");
-    workspace::warn(cache.and_then(|c| c.prepare(setup)));
-    let (set, graphs) = (DescriptorSet::all(), graphs(study)?);
-    let progress = |p| bar.update("pairs", p);
-    let base = shared.data.as_deref();
-    let builder = MatrixBuilder { set: &set, setup, graphs: &graphs, base, cache, progress: &progress };
-    let matrix = builder.build(study).map_err(user_error)?;
-    workspace::warn(&matrix.warnings);
-    Ok(matrix)
-}
-
-/// The transport and the energy distance that take part. The embedded study is there to be quick: a coarser grid.
-fn graphs(study: &Study) -> Result<Vec<Arc<dyn Metric>>> {
-    let registry = Registry::standard()?;
-    let names = if study.synthetic { ["ot[grid=6x6x24,kappa=4]", "energy[grid=6x6x24]"] } else { ["ot", "energy"] };
-    Ok(names.into_iter().map(|name| registry.get(name)).collect::<Result<_, _>>()?)
-}
-
-/// What decides the numbers that this program makes under a setup.
-pub fn versions(setup_id: &str) -> Versions {
-    Versions { setup: setup_id.to_owned(), distances: distance_versions() }
-}
-
-/// The whole study in a file of `vernis extract` or `vernis merge`, made by a program with the same descriptors.
-pub fn extracted(path: &Path) -> Result<ExtractedStudy> {
-    let found = ExtractedStudy::load(path).map_err(user_error)?;
-    let place = path.display();
-    let (count, versions) = (found.shard.count(), &found.versions);
-    if count > 1 {
-        let shard = found.shard;
-        return Err(user_error(format!(
-            "{place}: found shard {shard}, allowed: the whole study; join all {count} with `vernis merge`"
-        )));
-    }
-    let own = distance_versions();
-    if !versions.setup.starts_with(&format!("v{VERSION}-")) || versions.distances != own {
-        return Err(user_error(format!(
-            "{place}: found descriptors {} and distances {}, allowed: v{VERSION}-... and {own}; extract again",
-            versions.setup, versions.distances
-        )));
-    }
-    let needed = DescriptorSet::extended().columns();
-    let columns = found.samples.columns();
-    if let Some(missing) = needed.iter().find(|column| recipe::uses(column) && !columns.contains(column)) {
-        return Err(user_error(format!("{place}: found no column {}, allowed: all of this version", missing.name)));
-    }
-    Ok(found)
 }

@@ -5,17 +5,11 @@ use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis::dataset::Study;
-use vernis::experiment::sweep::Journal;
-use vernis::experiment::sweep::{
-    Combination, CombinationRecord, Family, Outcome, PairOutcome, Setting, StudyTables, SweepProtocol, compute, groups,
-    judge,
-};
+use vernis::experiment::sweep::{Combination, Family, SweepOptions, SweepProtocol, Swept};
+use vernis::experiment::{self, ExperimentError};
 use vernis::report::{OutputFolder, sweep};
-use vernis_metric::descriptor::Progress;
 use vernis_metric::metric::graph::{GraphGrid, Tone};
-use vernis_metric::metric::registry::Registry;
 use vernis_metric::metric::transport::Accuracy;
 
 /// Sweep the parameters of the transport and energy distances over a study.
@@ -149,22 +143,29 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     }
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
-    let short = PathBuf::from(&study.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let short = study.short_name();
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("out/sweep-{short}")));
     let folder = OutputFolder::create(&out).map_err(user_error)?;
-    let setting = Setting::new(&grid.to_string(), &args.accuracy, &study);
-    let outcomes = outcomes(shared, &args, &study, &setting, &combinations, &out)?;
-    if outcomes.is_empty() {
-        let (asked, out) = (combinations.len(), out.display());
-        return Err(user_error(format!(
-            "{out}: none of the {asked} combinations is there; without --report they are computed"
-        )));
-    }
-    let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
-    let protocol = SweepProtocol { folds: args.folds, resamples: args.resamples, seed: args.seed };
-    let record = judge(&short, &setting, &rows, &outcomes, protocol).map_err(user_error)?;
+    let options = SweepOptions {
+        data: shared.data.clone(),
+        folder: out.join("combinations"),
+        combinations,
+        grid,
+        accuracy: args.accuracy.clone(),
+        memory: (args.memory * (1u64 << 30) as f64) as usize,
+        compute: !args.report,
+        protocol: SweepProtocol { folds: args.folds, resamples: args.resamples, seed: args.seed },
+    };
+    let bar = Bar::new();
+    let found = experiment::sweep::sweep(&study, &options, &|stage, progress| bar.update(stage, progress));
+    bar.finish();
+    let Swept { record, done, warnings } = found.map_err(|error| match error {
+        ExperimentError::NothingKept { .. } => user_error(format!("{error}; without --report they are computed")),
+        other => user_error(other),
+    })?;
+    workspace::warn(&warnings);
     folder.write("sweep.csv", &sweep::csv(&record)?)?;
-    let numbers = [outcomes.len(), combinations.len()];
+    let numbers = [done, options.combinations.len()];
     let report = folder.write("sweep.md", sweep::markdown(&record, &command(&args, &short), numbers).as_bytes())?;
     if args.json {
         return print(serde_json::to_string_pretty(&record)? + "\n");
@@ -175,8 +176,8 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     }
     print(format!(
         "{text}{} of {} combinations, {} refused\nreport: {}\n",
-        outcomes.len(),
-        combinations.len(),
+        done,
+        options.combinations.len(),
         record.refused.len(),
         report.display()
     ))
@@ -196,63 +197,4 @@ fn command(args: &SweepArgs, study: &str) -> String {
         command += &format!(" --phi {}", args.phi.join(","));
     }
     command + &format!(" --folds {} --resamples {} --seed {}", args.folds, args.resamples, args.seed)
-}
-
-/// What every combination gave: read where an earlier run has left it, computed and kept elsewhere.
-fn outcomes(
-    shared: &Shared,
-    args: &SweepArgs,
-    study: &Study,
-    setting: &Setting,
-    combinations: &[Combination],
-    out: &std::path::Path,
-) -> Result<Vec<(Combination, Outcome)>> {
-    let folder = OutputFolder::create(out.join("combinations")).map_err(user_error)?;
-    let file = |c: &Combination, kind| format!("{}-{}-{}.{kind}", c.slug(), setting.accuracy, setting.grid);
-    let kept = |c: &Combination| {
-        let bytes = std::fs::read(folder.path().join(file(c, "json"))).ok()?;
-        CombinationRecord::outcome_of(&bytes, c, setting, study.pairs.len())
-    };
-    let mut outcomes: Vec<(Combination, Outcome)> =
-        combinations.iter().filter_map(|c| kept(c).map(|outcome| (*c, outcome))).collect();
-    let missing = |c: &&Combination| !outcomes.iter().any(|(known, _)| known == *c);
-    let missing: Vec<Combination> = combinations.iter().filter(missing).copied().collect();
-    if !missing.is_empty() && !args.report {
-        let bar = Bar::new();
-        let memory = (args.memory * (1u64 << 30) as f64) as usize;
-        let told = |done, total| bar.update("tables", Progress { done, total });
-        let grid: GraphGrid = setting.grid.parse()?;
-        let tables = StudyTables::of(study, grid, shared.data.as_deref(), memory, &told).map_err(user_error)?;
-        let registry = Registry::standard()?;
-        let weight = |group: &[Combination]| group.iter().map(Combination::weight).sum::<usize>();
-        let (done, total) = (AtomicUsize::new(0), weight(&missing) * tables.len());
-        let mut finished = 0;
-        for group in groups(&missing) {
-            let journal = Journal::open(folder.path().join(file(&group[0], "journal")), &group, setting)?;
-            let step = |pairs: usize| {
-                let done = done.fetch_add(pairs * weight(&group), Ordering::Relaxed) + pairs * weight(&group);
-                bar.update("sweep", Progress { done: done.min(total), total });
-            };
-            step(journal.known().len());
-            let keep = |index: usize, found: &PairOutcome| -> Result<()> {
-                step(1);
-                Ok(journal.keep(index, found)?)
-            };
-            let found = compute(&group, setting, &registry, &tables, journal.known(), &keep)
-                .map_err(|error: anyhow::Error| user_error(format!("{error:#}")))?;
-            for (combination, outcome) in group.iter().zip(found) {
-                let record = CombinationRecord::new(combination, setting, outcome.clone());
-                folder.write(&file(combination, "json"), &serde_json::to_vec(&record)?)?;
-                outcomes.push((*combination, outcome));
-            }
-            journal.remove()?;
-            // A refused group stops at its first reference.
-            finished += weight(&group) * tables.len();
-            done.store(finished, Ordering::Relaxed);
-        }
-        bar.finish();
-    }
-    let place = |c: &Combination| combinations.iter().position(|other| other == c);
-    outcomes.sort_by_key(|(combination, _)| place(combination));
-    Ok(outcomes)
 }

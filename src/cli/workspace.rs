@@ -1,15 +1,18 @@
 //! What subcommands share: opening BRDFs, the cache folder, and metrics by name or file.
 
+use super::view::View;
 use super::{Shared, user_error};
 use anyhow::Result;
+use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis::evaluation::bootstrap::MIN_RESAMPLES;
+use vernis::experiment::ExperimentError;
 use vernis::report::OutputFolder;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
-use vernis_metric::descriptor::{Cache, Setup};
+use vernis_metric::descriptor::{Cache, DescriptorOptions};
 use vernis_metric::metric::Metric;
-use vernis_metric::metric::learned::LearnedMetric;
+use vernis_metric::metric::learned::{self, LearnedMetric};
 use vernis_metric::metric::registry::Registry;
 
 /// The metric that is used where none is named.
@@ -20,15 +23,47 @@ pub fn open(notation: &str, data: Option<&Path>) -> Result<OpenBrdf> {
     BrdfSource::parse(notation).and_then(|source| source.open(data)).map_err(user_error)
 }
 
-/// The metrics called `names`; a name that ends in `.json` is the path of an exported metric. No name means the shipped one.
-pub fn metrics(names: &[String]) -> Result<Vec<Arc<dyn Metric>>> {
+/// Which metrics, on which cells, under which lights.
+#[derive(Args)]
+pub struct MetricChoice {
+    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
+    #[arg(long = "metric", short, value_name = "NAME|FILE")]
+    names: Vec<String>,
+    /// Cells of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
+    #[arg(long, value_name = "GRID")]
+    grid: Option<String>,
+    #[command(flatten)]
+    view: View,
+}
+
+impl MetricChoice {
+    /// The metrics, those on graphs on the grid that is named unless their own name says another.
+    pub fn metrics(&self) -> Result<Vec<Arc<dyn Metric>>> {
+        let metrics = metrics(&self.names, &self.view.options())?;
+        let Some(grid) = &self.grid else { return Ok(metrics) };
+        let grid = grid.parse().map_err(|e| user_error(format!("--grid: {e}")))?;
+        let on_grid: Vec<_> = metrics.iter().map(|metric| metric.on_grid(grid)).collect();
+        if on_grid.iter().all(Option::is_none) {
+            let names = metrics.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ");
+            return Err(user_error(format!(
+                "--grid: found no metric with a grid among {names}; allowed with ot, energy, mmd-*"
+            )));
+        }
+        Ok(metrics.into_iter().zip(on_grid).map(|(metric, on_grid)| on_grid.unwrap_or(metric)).collect())
+    }
+}
+
+/// The metrics called `names`; a name that ends in `.json` is the path of an exported metric, which may need the probe or the mesh
+/// of `options`. No name means the shipped one.
+pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<dyn Metric>>> {
     let registry = Registry::standard()?;
     let default = [DEFAULT_METRIC.to_owned()];
     let names = if names.is_empty() { &default[..] } else { names };
     let mut found: Vec<Arc<dyn Metric>> = Vec::new();
     for name in names {
         let new = if name.ends_with(".json") {
-            vec![Arc::new(LearnedMetric::load(Path::new(name)).map_err(user_error)?) as Arc<dyn Metric>]
+            let learned = LearnedMetric::load_with(Path::new(name), options).map_err(user_error)?;
+            vec![Arc::new(learned) as Arc<dyn Metric>]
         } else {
             registry.resolve(name).map_err(user_error)?
         };
@@ -48,19 +83,13 @@ pub fn metrics(names: &[String]) -> Result<Vec<Arc<dyn Metric>>> {
     Ok(found)
 }
 
-/// The metrics called `names` as [`metrics`], those on graphs on `grid` where one is given and their name names none.
-pub fn metrics_on(names: &[String], grid: Option<&str>) -> Result<Vec<Arc<dyn Metric>>> {
-    let metrics = metrics(names)?;
-    let Some(grid) = grid else { return Ok(metrics) };
-    let grid = grid.parse().map_err(|e| user_error(format!("--grid: {e}")))?;
-    if metrics.iter().all(|m| m.as_graph().is_none()) {
-        let names = metrics.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ");
-        return Err(user_error(format!(
-            "--grid: found no metric with a grid among {names}; allowed with ot, energy, mmd-*"
-        )));
+/// The one metric called `name`.
+pub fn one_metric(name: &str, options: &DescriptorOptions) -> Result<Arc<dyn Metric>> {
+    let mut found = metrics(&[name.to_owned()], options)?;
+    match (found.pop(), found.is_empty()) {
+        (Some(metric), true) => Ok(metric),
+        _ => Err(user_error(format!("--metric: found {name}, which is several metrics; allowed: one"))),
     }
-    let on_grid = |m: &Arc<dyn Metric>| m.as_graph().map_or_else(|| m.clone(), |g| g.with_default_grid(grid));
-    Ok(metrics.iter().map(on_grid).collect())
 }
 
 /// The folder for what was computed before.
@@ -86,10 +115,25 @@ pub fn cache(shared: &Shared) -> Result<Option<Cache>> {
     }
 }
 
-/// Fetches or builds the picture operators, where a learned metric will need them.
-pub fn prepare(metrics: &[Arc<dyn Metric>], cache: Option<&Cache>) {
-    for setup in metrics.iter().filter_map(|m| m.as_learned()).map(LearnedMetric::setup) {
-        warn(cache.and_then(|c| c.prepare(setup)));
+/// Fetches or builds what comparisons of these metrics need, whatever the BRDFs.
+pub fn warm_up(shared: &Shared, metrics: &[Arc<dyn Metric>]) -> Result<()> {
+    // Only learned metrics need anything: others leave the cache alone.
+    if metrics.iter().any(|m| m.properties().family == learned::FAMILY)
+        && let Some(cache) = cache(shared)?
+    {
+        warn(metrics.iter().filter_map(|metric| metric.warm_up(&cache)));
+    }
+    Ok(())
+}
+
+/// An error of an experiment as one of the command line: what is wrong with the user's study or files is the user's to mend.
+pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
+    match error {
+        ExperimentError::Study(_) | ExperimentError::Extraction(_) | ExperimentError::Open(_) => user_error(error),
+        ExperimentError::Descriptor(_) | ExperimentError::Metric { .. } | ExperimentError::Table { .. } => {
+            user_error(error)
+        }
+        other => anyhow::Error::new(other),
     }
 }
 
@@ -114,9 +158,4 @@ pub fn warn(warnings: impl IntoIterator<Item = impl std::fmt::Display>) {
     for warning in warnings {
         eprintln!("vernis: warning: {warning}");
     }
-}
-
-/// The descriptors' setup of commands that take no options for it.
-pub fn setup() -> Arc<Setup> {
-    Setup::standard()
 }

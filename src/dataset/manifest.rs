@@ -7,7 +7,9 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Published studies, in the order in which they are listed.
-pub const NAMES: [&str; 2] = ["lavoue2021", "lavoue2021-open"];
+pub const NAMES: [&str; 2] = ["lavoue2021", OPEN];
+/// The part of the study that small open files rebuild: used where no study is named and the data folder has it.
+pub const OPEN: &str = "lavoue2021-open";
 
 const LAVOUE2021: &str = include_str!("../../datasets/lavoue2021/manifest.toml");
 const LAVOUE2021_OPEN: &str = include_str!("../../datasets/lavoue2021-open/manifest.toml");

@@ -148,6 +148,11 @@ impl Study {
         groups
     }
 
+    /// Its name for files: that of its file, without the ending, where it is one.
+    pub fn short_name(&self) -> String {
+        Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
     /// Number of groups of materials.
     pub fn groups(&self) -> usize {
         self.pairs.iter().map(|p| p.group.as_str()).collect::<BTreeSet<_>>().len()

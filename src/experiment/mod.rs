@@ -5,10 +5,15 @@
 //! Nothing prints, and nothing knows of a terminal.
 
 #[cfg(feature = "train")]
-pub mod benchmark;
+mod contenders;
 pub mod losses;
 pub mod refit;
 pub mod sweep;
+#[cfg(feature = "train")]
+pub mod train;
+
+#[cfg(feature = "train")]
+pub use train::{BenchmarkOptions, Measurement, Purpose, TrainOptions, Trained, benchmark, train};
 
 use crate::dataset::DatasetError;
 use crate::evaluation::EvaluationError;
@@ -16,6 +21,10 @@ use crate::samples::SamplesError;
 use crate::samples::extraction::ExtractionError;
 use crate::samples::split::SplitError;
 use crate::train::TrainError;
+#[cfg(feature = "train")]
+use crate::train::embedding_folds::EmbeddingError;
+use crate::train::export::ExportError;
+use std::path::PathBuf;
 use thiserror::Error;
 use vernis_metric::brdf::BrdfError;
 use vernis_metric::descriptor::DescriptorError;
@@ -53,6 +62,13 @@ pub enum ExperimentError {
     Descriptor(#[from] Box<DescriptorError>),
     #[error(transparent)]
     Exported(#[from] Box<ExportedError>),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    #[cfg(feature = "train")]
+    #[error(transparent)]
+    Embedding(#[from] EmbeddingError),
+    #[error("{}: none of the {asked} combinations is there", folder.display())]
+    NothingKept { folder: PathBuf, asked: usize },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
 }

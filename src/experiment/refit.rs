@@ -15,11 +15,12 @@
 use crate::dataset::Study;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::{BrdfError, BrdfSource};
-use vernis_metric::descriptor::Progress;
-use vernis_metric::fit::{FitError, FitFile, Fitting};
+use vernis_metric::fit::{FitError, FitFile, Fitting, KeptFit};
+use vernis_metric::io::{Observer, Progress, write_atomically};
 use vernis_metric::metric::Metric;
 
 /// The study's name of a method, and the model that is fitted for it.
@@ -46,6 +47,8 @@ pub struct Refit {
     /// Name of its file.
     pub file: String,
     pub outcome: Outcome,
+    /// Why a file that was there was not taken for the fit that is asked for, where it is damaged.
+    pub warning: Option<String>,
 }
 
 /// What became of it.
@@ -70,42 +73,41 @@ impl Outcome {
 }
 
 /// How to make them.
-pub struct Refitting<'a> {
+#[derive(Clone)]
+pub struct RefitOptions {
+    /// Folder that relative sources are looked up in.
+    pub data: Option<PathBuf>,
+    /// Where the files lie; fits that are there and have the same settings are not made again.
+    pub folder: PathBuf,
     /// The loss, the study's being D4.Cl.
-    pub metric: &'a dyn Metric,
+    pub metric: Arc<dyn Metric>,
     /// Of [`METHODS`].
     pub methods: Vec<(&'static str, &'static str)>,
+    /// Cells of the metric to a cell of the search, along each axis.
     pub coarsening: usize,
-    /// Where relative sources are looked up.
-    pub base: Option<&'a Path>,
-    /// Where the files lie.
-    pub folder: &'a Path,
-    /// Keeps the text of a file under its name.
-    pub write: &'a (dyn Fn(&str, &str) -> Result<(), FitError> + Sync),
-    pub progress: &'a (dyn Fn(Progress) + Sync),
 }
 
-impl Refitting<'_> {
-    /// All methods for every reference of `study`, sorted by material, then method; the same whatever the number of threads.
-    ///
-    /// # Errors
-    /// A reference that cannot be opened, a file that cannot be written, a loss that fails. Fits that do not exist are no error.
-    pub fn run(&self, study: &Study) -> Result<Vec<Refit>, FitError> {
-        let references: BTreeMap<&str, &BrdfSource> =
-            study.pairs.iter().map(|p| (p.material.as_str(), &p.reference)).collect();
-        let (done, total) = (AtomicUsize::new(0), references.len() * self.methods.len());
-        let of_material = |(material, source): (&&str, &&BrdfSource)| {
-            let mut all = Vec::with_capacity(self.methods.len());
-            for &(method, model) in &self.methods {
-                all.push(self.one(material, source, method, model)?);
-                (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
-            }
-            Ok(all)
-        };
-        let all = references.par_iter().map(of_material).collect::<Result<Vec<Vec<Refit>>, FitError>>()?;
-        Ok(all.into_iter().flatten().collect())
-    }
+/// All methods for every reference of `study`, sorted by material, then method; the same whatever the number of threads.
+///
+/// # Errors
+/// A reference that cannot be opened, a file that cannot be written, a loss that fails. Fits that do not exist are no error.
+pub fn refit(study: &Study, options: &RefitOptions, progress: Observer<'_>) -> Result<Vec<Refit>, FitError> {
+    let references: BTreeMap<&str, &BrdfSource> =
+        study.pairs.iter().map(|p| (p.material.as_str(), &p.reference)).collect();
+    let (done, total) = (AtomicUsize::new(0), references.len() * options.methods.len());
+    let of_material = |(material, source): (&&str, &&BrdfSource)| {
+        let mut all = Vec::with_capacity(options.methods.len());
+        for &(method, model) in &options.methods {
+            all.push(options.one(material, source, method, model)?);
+            progress("fits", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        }
+        Ok(all)
+    };
+    let all = references.par_iter().map(of_material).collect::<Result<Vec<Vec<Refit>>, FitError>>()?;
+    Ok(all.into_iter().flatten().collect())
+}
 
+impl RefitOptions {
     fn one(
         &self,
         material: &str,
@@ -113,25 +115,31 @@ impl Refitting<'_> {
         method: &'static str,
         model: &'static str,
     ) -> Result<Refit, FitError> {
-        let fitting = Fitting { coarsening: self.coarsening, ..Fitting::new(model, self.metric) };
+        let fitting = Fitting { coarsening: self.coarsening, ..Fitting::new(model, &*self.metric) };
         let file = format!("{}.{method}.json", file_name(material));
         let opened = |e: BrdfError| FitError::Reference { material: material.to_owned(), cause: Box::new(e) };
-        let reference = source.open(self.base).map_err(opened)?;
+        let reference = source.open(self.data.as_deref()).map_err(opened)?;
         let sha256 = reference.content.to_string();
-        let kept = FitFile::read(&self.folder.join(&file)).filter(|f| f.is_result_of(&fitting, &sha256));
+        let path = self.folder.join(&file);
+        let (kept, warning) = match FitFile::read(&path) {
+            KeptFit::Whole(kept) => (Some(kept).filter(|f| f.is_result_of(&fitting, &sha256)), None),
+            KeptFit::Absent => (None, None),
+            KeptFit::Refused(reason) => (None, Some(format!("{}: {reason}; the fit is made again", path.display()))),
+        };
         let outcome = match kept {
-            Some(kept) => Outcome::Kept(Box::new(kept)),
+            Some(kept) => Outcome::Kept(kept),
             None => match fitting.run(&*reference.brdf, &|_, _| ()) {
                 Ok(fitted) => {
                     let result = FitFile::new(&fitting, &fitted, &reference.notation, &sha256);
-                    (self.write)(&file, &result.to_json()?)?;
+                    let written = write_atomically(&path, result.to_json()?.as_bytes());
+                    written.map_err(|e| FitError::Write { reason: format!("{}: {e}", path.display()) })?;
                     Outcome::Fitted(Box::new(result))
                 }
                 Err(error @ (FitError::Infeasible { .. } | FitError::Model(_))) => Outcome::None(error.to_string()),
                 Err(error) => return Err(error),
             },
         };
-        Ok(Refit { material: material.to_owned(), method, model, file, outcome })
+        Ok(Refit { material: material.to_owned(), method, model, file, outcome, warning })
     }
 }
 

@@ -13,11 +13,16 @@ use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 use vernis_metric::brdf::{BrdfSource, ContentHash};
 use vernis_metric::descriptor::Column;
+use vernis_metric::descriptor::{DescriptorSet, SetupId};
+use vernis_metric::metric::{Metric, kernel, lp, transport};
 
-/// Of the layout of the file.
-const FORMAT: u32 = 1;
+/// Of the layout of the file; older ones keep being read.
+const FORMAT: u32 = 2;
+/// The first version of vernis that reads this format.
+const READABLE_FROM: &str = "0.1.0";
 /// Of the header among the metadata.
 const KEY: &str = "vernis";
 /// After the name of a column, for reference and candidate exchanged.
@@ -39,6 +44,9 @@ const TEXTS: [&str; 9] = [
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Header {
     format: u32,
+    /// The first version of vernis that reads the file.
+    #[serde(default)]
+    readable_from: String,
     shard: Shard,
     study: String,
     /// Ratings come from simulated observers.
@@ -64,8 +72,39 @@ struct File {
 pub struct Versions {
     /// Version of the descriptors, lights and shape, such as `v1-lamps-sphere`.
     pub setup: String,
-    /// Of the classical distances, such as `lp 2, graphs 3`.
-    pub distances: String,
+    /// Versions of the metrics whose distances are columns, by name.
+    #[serde(default)]
+    pub metrics: BTreeMap<String, String>,
+    /// In files of format 1, in place of `metrics`: such as `lp 2, graphs 4`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    distances: Option<String>,
+}
+
+impl Versions {
+    pub fn new(setup: &str, metrics: &[Arc<dyn Metric>]) -> Self {
+        let version = |metric: &Arc<dyn Metric>| (metric.name().to_owned(), metric.version().to_owned());
+        Self { setup: setup.to_owned(), metrics: metrics.iter().map(version).collect(), distances: None }
+    }
+
+    /// What a file of format 1 says of the columns, as later ones say it. `graphs N` was the version of transport; the energy
+    /// distance has not changed since the first.
+    fn modernised(mut self, columns: &[Column]) -> Self {
+        let distances = self.distances.take().unwrap_or_default();
+        let of = |kind: &str| {
+            let parts = distances.split(',').filter_map(|part| part.trim().split_once(' '));
+            parts.filter(|(name, _)| *name == kind).map(|(_, version)| version.to_owned()).next()
+        };
+        for column in columns {
+            let version = match column.family.as_str() {
+                lp::FAMILY => of("lp"),
+                transport::FAMILY => of("graphs"),
+                kernel::FAMILY => of("graphs").map(|_| "1".to_owned()),
+                _ => None,
+            };
+            self.metrics.extend(version.map(|version| (column.name.clone(), version)));
+        }
+        self
+    }
 }
 
 /// A study, or a shard of it, and its numbers.
@@ -128,6 +167,7 @@ impl ExtractedStudy {
             |f: &StudyFile| File { name: f.name.clone(), sha256: f.content.to_string(), as_published: f.as_published };
         Header {
             format: FORMAT,
+            readable_from: READABLE_FROM.to_owned(),
             shard: self.shard,
             study: self.study.name.clone(),
             synthetic: self.study.synthetic,
@@ -150,11 +190,7 @@ impl ExtractedStudy {
             allowed,
         };
         let (header, columns) = parquet::read(path, KEY)?;
-        let header: Header = serde_json::from_str(&header)
-            .map_err(|e| wrong(format!("a header that cannot be read ({e})"), "a file of `vernis extract`".into()))?;
-        if header.format != FORMAT {
-            return Err(wrong(format!("format {}", header.format), format!("format {FORMAT}; extract again")));
-        }
+        let header = Header::parse(&header).map_err(|(found, allowed)| wrong(found, allowed))?;
         let content = |text: &str| {
             let hash = ContentHash::from_hex(text);
             hash.ok_or_else(|| wrong(format!("`{text}`"), "a SHA-256 of 64 hexadecimal digits".into()))
@@ -214,6 +250,45 @@ impl ExtractedStudy {
         };
         let (shard, whole, versions) = (header.shard, header.pairs, header.versions);
         Ok(Self { study, samples, contents, shard, places, whole, versions })
+    }
+
+    /// That the numbers are those of a whole study; `place` names the file in errors.
+    ///
+    /// # Errors
+    /// One of several shards.
+    pub fn check_whole(&self, place: &str) -> Result<(), DatasetError> {
+        let (shard, count) = (self.shard, self.shard.count());
+        if count <= 1 {
+            return Ok(());
+        }
+        Err(DatasetError::Content {
+            place: place.to_owned(),
+            found: format!("shard {shard}"),
+            allowed: format!("the whole study; join all {count} with `vernis merge`"),
+        })
+    }
+
+    /// That the numbers are those which this program would compute; `place` names the file in errors.
+    ///
+    /// # Errors
+    /// Descriptors of a version that this program does not know, columns that are missing, distances of another version than
+    /// those of `metrics`.
+    pub fn check_versions(&self, metrics: &[Arc<dyn Metric>], place: &str) -> Result<(), DatasetError> {
+        let wrong = |found: String, allowed: String| DatasetError::Content { place: place.to_owned(), found, allowed };
+        SetupId::known(&self.versions.setup).map_err(|e| wrong(e.to_string(), "descriptors of this program".into()))?;
+        let columns = self.samples.columns();
+        if let Some(missing) = DescriptorSet::extended().columns().iter().find(|column| !columns.contains(column)) {
+            return Err(wrong(format!("no column {}", missing.name), "all of this version; extract again".into()));
+        }
+        for metric in metrics {
+            let (name, version) = (metric.name(), metric.version());
+            let found = self.versions.metrics.get(name).map(String::as_str);
+            if found != Some(version) {
+                let found = found.map_or_else(|| format!("no {name}"), |found| format!("{name} of version {found}"));
+                return Err(wrong(found, format!("{name} of version {version}; extract again")));
+            }
+        }
+        Ok(())
     }
 
     /// The whole study from all of its shards, each with the name of its file, in any order.
@@ -293,6 +368,30 @@ impl ExtractedStudy {
 }
 
 impl Header {
+    /// Reads the text of a header of any format so far; else what was found, and what is allowed.
+    fn parse(text: &str) -> Result<Self, (String, String)> {
+        #[derive(Deserialize)]
+        struct Format {
+            format: u32,
+            #[serde(default)]
+            readable_from: String,
+        }
+        let unreadable = |e: serde_json::Error| {
+            (format!("a header that cannot be read ({e})"), "a file of `vernis extract`".to_owned())
+        };
+        let Format { format, readable_from } = serde_json::from_str(text).map_err(unreadable)?;
+        match format {
+            1..=FORMAT => {}
+            newer => {
+                let own = env!("CARGO_PKG_VERSION");
+                let allowed = format!("up to format {FORMAT} in vernis {own}; this file needs vernis {readable_from}");
+                return Err((format!("format {newer}"), allowed));
+            }
+        }
+        let header: Self = serde_json::from_str(text).map_err(unreadable)?;
+        Ok(Self { versions: header.versions.modernised(&header.columns), ..header })
+    }
+
     /// The first thing in which two headers differ.
     fn difference(&self, other: &Self) -> Option<&'static str> {
         [

@@ -3,10 +3,10 @@
 //! [`Samples`] is a matrix: one row a rated pair, one column a descriptor or a classical distance. [`split`] makes
 //! [`split::TrainingSet`] and [`split::HeldOut`] out of it; trainers see nothing else.
 
+mod distances;
 #[cfg(feature = "train")]
 pub mod extracted;
 pub mod extraction;
-pub mod graph_distances;
 #[cfg(feature = "train")]
 mod parquet;
 pub mod shard;

@@ -10,6 +10,7 @@ pub mod embedding;
 #[cfg(feature = "train")]
 pub mod embedding_folds;
 pub mod ensemble;
+pub mod export;
 pub mod kernel;
 mod landmarks;
 #[cfg(feature = "train")]

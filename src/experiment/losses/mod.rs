@@ -14,9 +14,14 @@
 //! | `PROBE.screen` | descriptor `display.lamps.rms`: root mean square difference of the same pictures on a screen |
 
 pub mod compare;
+#[cfg(feature = "train")]
+mod job;
 pub mod record;
 pub mod run;
 pub mod unseen;
+
+#[cfg(feature = "train")]
+pub use job::{Found, LossesOptions, losses};
 
 use serde::{Deserialize, Serialize};
 use vernis_metric::fit::Start;
@@ -59,6 +64,11 @@ impl Loss {
     /// Whether a learned metric is the loss.
     pub fn is_learned(self) -> bool {
         matches!(self, Self::Learned | Self::Blended)
+    }
+
+    /// Whether an evaluation is so dear that their number is a setting.
+    fn is_dear(self) -> bool {
+        self.is_learned() || self == Self::Transport
     }
 
     /// The study's method, but for transport: there a gradient spares nine tenths of the evaluations, which are dear.

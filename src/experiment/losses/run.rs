@@ -14,15 +14,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
-use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Progress, Setup};
-use vernis_metric::fit::{FitFile, Fitting};
+use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Setup};
+use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting};
+use vernis_metric::io::{Progress, seal, unseal};
 use vernis_metric::math::seed;
-use vernis_metric::metric::lp::{LpDistances, LpReference};
+use vernis_metric::metric::lp::{self, LpDistances, LpReference};
 use vernis_metric::metric::registry::Registry;
 use vernis_metric::metric::{Metric, MetricError, PreparedMetric};
 
-/// Raised when a fit or a judge changes: files of older versions are made again.
-const VERSION: u32 = 1;
+/// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
+const VERSION: u32 = 2;
 /// Lp distances that judge.
 const LP: [&str; 4] = ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl"];
 /// What is taken of the pictures under a probe: the ending of the judge's name, and the descriptor.
@@ -78,6 +79,8 @@ pub struct Experiment<'a> {
     /// Keeps the text of a file under its name in that folder.
     pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
     pub progress: &'a (dyn Fn(Progress) + Sync),
+    /// Told of files that are there and cannot be used.
+    pub warn: &'a (dyn Fn(&str) + Sync),
 }
 
 /// One material a group, in an order that the seed decides: the first `n` of a study.
@@ -109,7 +112,7 @@ impl Experiment<'_> {
         let registry = Registry::standard().map_err(|source| self.metric_error("the registry", source))?;
         let graph = |name: &str| registry.get(name).map_err(|source| self.metric_error(name, source));
         let graphs = [graph(&self.settings.transport)?, graph(&self.settings.energy)?];
-        let fingerprint = self.fingerprint()?;
+        let fingerprint = self.fingerprint(&graphs)?;
         let total = materials.len() * self.settings.models.len() * self.settings.losses.len();
         let done = AtomicUsize::new(0);
         let count = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
@@ -130,12 +133,13 @@ impl Experiment<'_> {
         ExperimentError::MetricNamed { name: name.to_owned(), source: Box::new(source) }
     }
 
-    fn fingerprint(&self) -> Result<String, ExperimentError> {
+    fn fingerprint(&self, metrics: &[Arc<dyn Metric>]) -> Result<String, ExperimentError> {
         let settings =
             serde_json::to_string(self.settings).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
         let study = crate::experiment::sweep::fingerprint(self.study);
         let probes: Vec<String> = self.probes.iter().map(|p| format!("{} {}", p.name, p.setup.id())).collect();
-        let text = format!("{settings} {study} {probes:?} {}", env!("CARGO_PKG_VERSION"));
+        let identities: Vec<String> = metrics.iter().map(|metric| metric.identity()).collect();
+        let text = format!("{settings} {study} {probes:?} lp {} {identities:?} fits {FIT_VERSION}", lp::VERSION);
         Ok(ContentHash::of(text.as_bytes()).to_string())
     }
 }
@@ -162,8 +166,15 @@ impl Job<'_> {
 
     fn kept(&self) -> Vec<Option<FitRecord>> {
         let read = |(model, loss): (&str, Loss)| {
-            let bytes = std::fs::read(self.experiment.folder.join(self.file(model, loss))).ok()?;
-            let record: FitRecord = serde_json::from_slice(&bytes).ok()?;
+            let path = self.experiment.folder.join(self.file(model, loss));
+            let bytes = std::fs::read(&path).ok()?;
+            let record: FitRecord = match unseal(&bytes) {
+                Ok(record) => record,
+                Err(e) => {
+                    (self.experiment.warn)(&format!("{}: {e}; the fit is made again", path.display()));
+                    return None;
+                }
+            };
             let same = (record.version, record.settings.as_str()) == (VERSION, self.fingerprint)
                 && (record.material.as_str(), record.fit.model.as_str(), record.loss) == (self.material, model, loss);
             same.then_some(record)
@@ -212,7 +223,7 @@ impl Job<'_> {
         let fitting = Fitting {
             start: loss.start(),
             coarsening: settings.coarsening,
-            max_evaluations: metric.as_lp().is_none().then_some(settings.max_evaluations),
+            max_evaluations: loss.is_dear().then_some(settings.max_evaluations),
             method: loss.method(),
             seed: settings.seed,
             ..Fitting::new(model, &*metric)
@@ -231,7 +242,7 @@ impl Job<'_> {
             fit: FitFile::new(&fitting, &fitted, &reference.notation, &reference.content.to_string()),
             judged: judges.judge(&*fitted.model as &dyn Brdf).map_err(|source| self.failed(source))?,
         };
-        let text = serde_json::to_string(&record).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
+        let text = seal(&record).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
         (self.experiment.write)(&self.file(model, loss), &text)?;
         Ok(record)
     }
@@ -245,7 +256,7 @@ impl Job<'_> {
 /// The judges, their reference fixed.
 struct Judges<'a> {
     lp: LpReference,
-    graphs: [Box<dyn PreparedMetric + 'a>; 2],
+    graphs: [Box<dyn PreparedMetric>; 2],
     opinion: (&'a Unseen, BrdfFeatures),
     probes: Vec<(&'a Probe, BrdfFeatures)>,
 }
@@ -253,7 +264,7 @@ struct Judges<'a> {
 impl<'a> Judges<'a> {
     fn new(
         reference: &dyn Brdf,
-        graphs: &'a [Arc<dyn Metric>; 2],
+        graphs: &[Arc<dyn Metric>; 2],
         unseen: &'a Unseen,
         probes: &'a [Probe],
     ) -> Result<Self, MetricError> {

@@ -10,16 +10,19 @@ use crate::dataset::Study;
 use crate::evaluation::EvaluationError;
 use crate::experiment::ExperimentError;
 use crate::samples::Samples;
+use crate::samples::extraction::Extractor;
 use crate::samples::split::{Fold, grouped_folds};
+use crate::train::export::{self, Export};
 use crate::train::{TrainError, Trainer};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use vernis_metric::descriptor::{Cache, DescriptorSet, Extractor, Progress, Setup};
+use vernis_metric::descriptor::{Cache, DescriptorSet, Setup};
+use vernis_metric::io::{Observer, Progress};
 use vernis_metric::metric::learned::LearnedMetric;
-use vernis_metric::metric::learned::exported::{DataHash, Descriptors, ExportedMetric, Interval, Provenance};
+use vernis_metric::metric::learned::exported::{Descriptors, Interval, Provenance};
 
 /// Of the numbers of these metrics.
 const METRIC_VERSION: &str = "1";
@@ -58,7 +61,7 @@ pub struct UnseenTraining<'a> {
     pub folder: &'a Path,
     /// Keeps the text of a file under its name in that folder.
     pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
-    pub progress: &'a (dyn Fn(&'static str, Progress) + Sync),
+    pub progress: Observer<'a>,
 }
 
 impl UnseenTraining<'_> {
@@ -89,12 +92,9 @@ impl UnseenTraining<'_> {
     }
 
     fn samples(&self, set: &DescriptorSet, setup: &Setup) -> Result<Samples, ExperimentError> {
-        let pairs: Vec<_> = self.study.pairs.iter().map(|p| (p.reference.clone(), p.candidate.clone())).collect();
         let progress = |p| (self.progress)("descriptors", p);
-        let extractor = Extractor { set, setup, base: self.base, cache: self.cache, progress: &progress };
-        let extraction = extractor.extract(&pairs).map_err(Box::new)?;
-        let rows = self.study.pairs.iter().map(|p| p.row()).collect();
-        Ok(Samples::new(set.columns(), rows, extraction.values)?.with_swapped(extraction.swapped)?)
+        let extractor = Extractor { set, setup, metrics: &[], base: self.base, cache: self.cache, progress: &progress };
+        Ok(extractor.extract(self.study).map_err(Box::new)?.samples)
     }
 
     fn metric(
@@ -121,14 +121,15 @@ impl UnseenTraining<'_> {
             EvaluationError::Training { metric: name.clone(), fold: index, training_rows, source: Box::new(source) }
         };
         let model = self.trainer.train(&fold.training, seed).map_err(failed)?;
-        let not_portable = || failed(TrainError::NotPortable { trainer: self.trainer.name().to_owned() });
-        let regressor = model.regressor().cloned().ok_or_else(not_portable)?;
-        let descriptors = Descriptors { setup: setup.id().to_owned(), set: set.clone() };
-        // Only the prediction itself is used, never its interval.
-        let interval = Interval { level: 0.95, factor: 0.0, offset: 0.0 };
-        let exported =
-            ExportedMetric::new(&name, METRIC_VERSION, descriptors, regressor, Vec::new(), interval, provenance)
-                .map_err(Box::new)?;
+        let export = Export {
+            name: &name,
+            metric_version: METRIC_VERSION,
+            descriptors: Descriptors { setup: setup.id().to_owned(), set: set.clone() },
+            // Only the prediction itself is used, never its interval.
+            interval: Interval { level: 0.95, factor: 0.0, offset: 0.0 },
+            provenance,
+        };
+        let exported = export.of(self.trainer.name(), &*model, &[])?;
         (self.write)(&file, &exported.to_json().map_err(Box::new)?)?;
         LearnedMetric::new(exported, setup.clone())
             .map_err(|e| ExperimentError::MetricNamed { name, source: Box::new(e) })
@@ -139,17 +140,7 @@ impl UnseenTraining<'_> {
         let rows = fold.training.rows();
         let held_out: BTreeSet<&str> = fold.held_out.rows().iter().map(|r| r.group.as_str()).collect();
         let materials: BTreeSet<&str> = rows.iter().map(|r| r.material.as_str()).collect();
-        let files = self.study.files.iter();
-        Provenance {
-            study: self.study.name.clone(),
-            synthetic: self.study.synthetic,
-            rows: rows.len(),
-            materials: materials.len(),
-            data: files.map(|f| DataHash { name: f.name.clone(), sha256: f.content.to_string() }).collect(),
-            seed,
-            command: format!("without {}", held_out.into_iter().collect::<Vec<_>>().join(", ")),
-            crate_version: env!("CARGO_PKG_VERSION").to_owned(),
-            agreement: Vec::new(),
-        }
+        let command = format!("without {}", held_out.into_iter().collect::<Vec<_>>().join(", "));
+        export::provenance(self.study, rows.len(), materials.len(), seed, command, Vec::new())
     }
 }

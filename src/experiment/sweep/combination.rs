@@ -67,6 +67,14 @@ impl Combination {
         if self.transport.is_some() { Family::Transport } else { Family::Energy }
     }
 
+    /// The version of the metric's numbers.
+    pub fn version(&self) -> &'static str {
+        match self.family() {
+            Family::Transport => vernis_metric::metric::transport::VERSION,
+            Family::Energy => vernis_metric::metric::kernel::VERSION,
+        }
+    }
+
     /// The notation with one gamma: a metric of the registry.
     pub fn with_gamma(&self, gamma: f64) -> String {
         format!("{},gamma={gamma}]", self.to_string().trim_end_matches(']'))

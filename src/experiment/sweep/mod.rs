@@ -5,12 +5,14 @@
 //! together: from .15 s (alpha .01, blur .01, t^1/3) to 6 s (alpha .1, blur .01, log with eta .001).
 
 mod combination;
+mod job;
 mod journal;
 mod judge;
 mod run;
 mod tables;
 
 pub use combination::{ALPHAS, BLURS, Combination, Family, GAMMAS, POWERS, SCALINGS, Transport};
+pub use job::{SweepOptions, Swept, sweep};
 pub use journal::Journal;
 pub use judge::{Judged, SweepProtocol, SweepRecord, SweepRow, judge};
 pub use run::{CombinationRecord, Outcome, PairOutcome, Setting, compute, fingerprint, groups};

@@ -3,20 +3,17 @@
 use super::combination::{Combination, Family, Transport};
 use super::tables::StudyTables;
 use crate::dataset::Study;
-use crate::evaluation::EvaluationError;
 use crate::experiment::ExperimentError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use vernis_metric::brdf::ContentHash;
-use vernis_metric::metric::registry::Registry;
+use vernis_metric::io::{SealError, unseal};
+use vernis_metric::metric::MetricError;
+use vernis_metric::metric::graph::GraphMetric;
+use vernis_metric::metric::kernel::KernelMetric;
 use vernis_metric::metric::transport::TransportMetric;
-use vernis_metric::metric::{Metric, MetricError};
-
-/// Raised when a divergence changes: files of older versions are computed again.
-const VERSION: u32 = 2;
 
 /// What a combination gave.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,13 +33,12 @@ pub struct Setting {
     pub accuracy: String,
     /// [`fingerprint`] of the study.
     pub study: String,
-    version: u32,
 }
 
 impl Setting {
     pub fn new(grid: &str, accuracy: &str, study: &Study) -> Self {
         let [grid, accuracy] = [grid, accuracy].map(str::to_owned);
-        Self { grid, accuracy, study: fingerprint(study), version: VERSION }
+        Self { grid, accuracy, study: fingerprint(study) }
     }
 
     /// The notation of `combination` that computes it in this setting.
@@ -56,28 +52,40 @@ impl Setting {
     }
 }
 
-/// The file of one combination.
+/// The file of one combination, sealed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CombinationRecord {
     pub metric: String,
+    /// Of the metric's numbers: those of another version are computed again.
+    pub version: String,
     pub setting: Setting,
     pub outcome: Outcome,
 }
 
 impl CombinationRecord {
     pub fn new(combination: &Combination, setting: &Setting, outcome: Outcome) -> Self {
-        Self { metric: combination.to_string(), setting: setting.clone(), outcome }
+        let (metric, version) = (combination.to_string(), combination.version().to_owned());
+        Self { metric, version, setting: setting.clone(), outcome }
     }
 
-    /// The outcome in a file's bytes, if they are whole and of this combination and setting.
-    pub fn outcome_of(bytes: &[u8], combination: &Combination, setting: &Setting, pairs: usize) -> Option<Outcome> {
-        let record: Self = serde_json::from_slice(bytes).ok()?;
+    /// The outcome in a file's bytes; `None` where the file is of another combination, setting, version or number of pairs.
+    ///
+    /// # Errors
+    /// A file that is damaged or was changed.
+    pub fn outcome_of(
+        bytes: &[u8],
+        combination: &Combination,
+        setting: &Setting,
+        pairs: usize,
+    ) -> Result<Option<Outcome>, SealError> {
+        let record: Self = unseal(bytes)?;
         let whole = match &record.outcome {
             Outcome::Computed { channels } => channels.len() == pairs,
             Outcome::Refused { .. } => true,
         };
         let same = record == Self::new(combination, setting, record.outcome.clone());
-        (whole && same).then_some(record.outcome)
+        Ok((whole && same).then_some(record.outcome))
     }
 }
 
@@ -114,12 +122,11 @@ pub fn groups(combinations: &[Combination]) -> Vec<Vec<Combination>> {
 pub fn compute<E: From<ExperimentError> + Send>(
     group: &[Combination],
     setting: &Setting,
-    registry: &Registry,
     tables: &StudyTables,
     known: &BTreeMap<usize, PairOutcome>,
     done: &(dyn Fn(usize, &PairOutcome) -> Result<(), E> + Sync),
 ) -> Result<Vec<Outcome>, E> {
-    let members = Members::new(group, setting, registry)?;
+    let members = Members::new(group, setting)?;
     let of_reference = |indices: &Vec<usize>| -> Result<Vec<(usize, PairOutcome)>, E> {
         let mut missing = indices.iter().filter(|index| !known.contains_key(index)).peekable();
         let Some(&&first) = missing.peek() else { return Ok(Vec::new()) };
@@ -153,14 +160,14 @@ enum Members {
     /// They differ in scaling alone.
     Transport(Vec<TransportMetric>),
     /// One, of another family.
-    Other(Arc<dyn Metric>),
+    Kernel(KernelMetric),
 }
 
 /// Computes one pair of those that share a reference.
 type OfPair<'a> = Box<dyn Fn(usize) -> Result<PairOutcome, ExperimentError> + 'a>;
 
 impl Members {
-    fn new(group: &[Combination], setting: &Setting, registry: &Registry) -> Result<Self, ExperimentError> {
+    fn new(group: &[Combination], setting: &Setting) -> Result<Self, ExperimentError> {
         let named = |name: &str| {
             let name = name.to_owned();
             move |source| ExperimentError::MetricNamed { name, source: Box::new(source) }
@@ -171,7 +178,7 @@ impl Members {
             return Ok(Self::Transport(metrics.collect::<Result<_, _>>()?));
         }
         let name = setting.notation(&group[0]);
-        Ok(Self::Other(registry.get(&name).map_err(named(&name))?))
+        Ok(Self::Kernel(KernelMetric::named(&name).map_err(named(&name))?))
     }
 
     /// Does once what depends on the reference of the pair `first` alone.
@@ -196,12 +203,8 @@ impl Members {
                     }
                 }))
             }
-            Self::Other(metric) => {
-                let graph = metric.as_graph().ok_or_else(|| EvaluationError::UnknownMetric {
-                    name: metric.name().to_owned(),
-                    judged: "metrics on graphs".to_owned(),
-                })?;
-                let prepared = refusal(tables, first, graph.prepare_table(Cow::Owned(reference)))?;
+            Self::Kernel(metric) => {
+                let prepared = refusal(tables, first, metric.prepare_table(Arc::new(reference)))?;
                 Ok(Box::new(move |index| match &prepared {
                     Ok(prepared) => Ok(vec![refusal(tables, index, prepared.channels(&tables.candidate(index)?))?]),
                     Err(reason) => Ok(vec![Err(reason.clone())]),

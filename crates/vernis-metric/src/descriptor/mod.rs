@@ -15,28 +15,40 @@ mod features;
 pub mod picture;
 mod set;
 mod setup;
+mod setup_id;
 pub mod wasserstein;
 
 pub use cache::{Cache, CacheWarning};
 pub use column::{Column, Role};
 pub use embedding::Embedding;
-pub use extract::{Extraction, Extractor, Progress, features};
+pub use extract::features;
 pub use features::BrdfFeatures;
 pub use set::{Description, DescriptorSet, Family};
 pub use setup::{DescriptorOptions, Lights, Setup, ShapeChoice, VERSION};
+pub use setup_id::SetupId;
 
 use crate::brdf::BrdfError;
+use crate::io::shown;
 use crate::light::LightError;
 use std::path::PathBuf;
 use thiserror::Error;
 
 /// What keeps a descriptor from being computed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum DescriptorError {
     #[error(transparent)]
     Light(#[from] LightError),
     #[error("{}: cache folder: {reason}", path.display())]
     CacheFolder { path: PathBuf, reason: String },
+    #[error("unknown descriptors `{}`; this program knows {known}", shown(id, 100))]
+    UnknownSetup { id: String, known: String },
+    #[error("descriptors of version {found}; this program knows up to version {newest}: update vernis")]
+    NewerSetup { found: u32, newest: u32 },
+    #[error("the descriptors need {what}; name it with {option}")]
+    MissingFile { what: String, option: &'static str },
+    #[error("{}: {kind} {found}, but the descriptors need {kind} {wanted} (the first digits of its SHA-256)", path.display())]
+    OtherFile { path: PathBuf, kind: &'static str, found: String, wanted: String },
     #[error("descriptor family `{name}` is unknown; known: {known}")]
     UnknownFamily { name: String, known: String },
     #[error("embedding `{name}`: {what}: found {found}, expected {expected}")]

@@ -2,6 +2,7 @@
 
 use super::DescriptorError;
 use super::picture::Frame;
+use super::setup_id::{DIGITS, SetupId};
 use crate::light::LightError;
 use crate::light::operator::Operator;
 use crate::light::shape::Shape;
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// Version of the descriptors. It changes whenever a number changes, so that caches and exported metrics never mix.
-pub const VERSION: &str = "1";
+pub const VERSION: u32 = 1;
 
 /// Layouts of the lamps, averaged.
 const LAMPS: [usize; 3] = [1, 101, 201];
@@ -63,10 +64,10 @@ pub(super) struct Operators {
     pub albedo: Operator,
 }
 
-fn file_id(kind: &str, path: &PathBuf, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
+fn file_id(path: &PathBuf, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
     let bytes = std::fs::read(path).map_err(|e| error(e.to_string()))?;
     let hash = crate::brdf::ContentHash::of(&bytes).to_string();
-    Ok(format!("{kind}-{}", &hash[..16]))
+    Ok(hash[..DIGITS].to_owned())
 }
 
 impl Setup {
@@ -74,7 +75,9 @@ impl Setup {
     pub fn standard() -> Arc<Self> {
         static STANDARD: OnceLock<Arc<Setup>> = OnceLock::new();
         STANDARD
-            .get_or_init(|| Arc::new(Self::assemble("lamps".into(), None, "sphere".into(), Shape::sphere())))
+            .get_or_init(|| {
+                Arc::new(Self::assemble(&SetupId { version: VERSION, probe: None, mesh: None }, None, Shape::sphere()))
+            })
             .clone()
     }
 
@@ -83,26 +86,26 @@ impl Setup {
         if *options == DescriptorOptions::default() {
             return Ok(Self::standard());
         }
-        let (lights_id, probe) = match &options.lights {
-            Lights::Lamps => ("lamps".to_owned(), None),
+        let (probe_hash, probe) = match &options.lights {
+            Lights::Lamps => (None, None),
             Lights::Probe(path) => {
-                let id = file_id("probe", path, |reason| LightError::Probe { path: path.clone(), reason })?;
-                (id, Some(Light::probe(path)?))
+                let id = file_id(path, |reason| LightError::Probe { path: path.clone(), reason })?;
+                (Some(id), Some(Light::probe(path)?))
             }
         };
-        let (shape_id, shape) = match &options.shape {
-            ShapeChoice::Sphere => ("sphere".to_owned(), Shape::sphere()),
+        let (mesh, shape) = match &options.shape {
+            ShapeChoice::Sphere => (None, Shape::sphere()),
             ShapeChoice::Mesh(path) => {
-                let id = file_id("mesh", path, |reason| LightError::Mesh { path: path.clone(), reason })?;
-                (id, Shape::mesh(path)?)
+                let id = file_id(path, |reason| LightError::Mesh { path: path.clone(), reason })?;
+                (Some(id), Shape::mesh(path)?)
             }
         };
-        Ok(Arc::new(Self::assemble(lights_id, probe, shape_id, shape)))
+        let id = SetupId { version: VERSION, probe: probe_hash, mesh };
+        Ok(Arc::new(Self::assemble(&id, probe, shape)))
     }
 
-    fn assemble(lights_id: String, probe: Option<Light>, shape_id: String, shape: Shape) -> Self {
-        let id = format!("v{VERSION}-{lights_id}-{shape_id}");
-        Self { id, frame: Frame::new(&shape), shape, probe, operators: OnceLock::new() }
+    fn assemble(id: &SetupId, probe: Option<Light>, shape: Shape) -> Self {
+        Self { id: id.to_string(), frame: Frame::new(&shape), shape, probe, operators: OnceLock::new() }
     }
 
     /// Version and options, safe as part of a file name.

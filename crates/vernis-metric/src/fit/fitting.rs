@@ -8,20 +8,20 @@
 //!    of the search.
 
 use super::direct;
-use super::loss::{Blend, Lattice, LearnedLoss, Loss, LpLoss, MetricLoss};
+use super::loss::{Blend, Lattice, Loss, LpLoss, MetricLoss};
 use super::objective::LossObjective;
 use super::optimizer::{Improvement, Limits, Method, Outcome, StopReason, minimise};
 use super::start::{Candidate, staged};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
 use crate::brdf::models::AnalyticBrdf;
-use crate::descriptor::Progress;
+use crate::io::{Observer, Progress};
 use crate::math::seed;
-use crate::metric::graph::GraphGrid;
-use crate::metric::lp::{Formula, LpVariant};
+use crate::metric::lp::{Formula, LpMetric, LpVariant};
 use crate::metric::{Metric, MetricError};
 use rand::Rng;
 use rayon::prelude::*;
+use std::any::Any;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -112,9 +112,6 @@ struct Starts {
     log: Option<LpLoss>,
 }
 
-/// Called with the name of a stage and how far it is, from any thread.
-pub type Observer<'a> = &'a (dyn Fn(&'static str, Progress) + Sync);
-
 impl<'a> Fitting<'a> {
     /// As the command line has it where nothing else is said.
     pub fn new(model: &'a str, metric: &'a dyn Metric) -> Self {
@@ -134,14 +131,14 @@ impl<'a> Fitting<'a> {
             return direct::fit(self.model, self.metric, reference);
         }
         let space = Space::of(self.model)?;
-        let coarse = self.coarse_metric();
+        let coarse = self.metric.coarser(self.coarsening);
         let search_metric = coarse.as_deref().unwrap_or(self.metric);
         let search = loss_of(search_metric, reference, self.coarsening)?;
         let evaluations = AtomicUsize::new(0);
         let Starts { candidates, log } = self.starts(&space, reference, &*search, &evaluations, observer)?;
         let first = space.build(&candidates[0].parameters)?;
-        let (outcome, spent) = match (&log, self.metric.as_learned()) {
-            (Some(log), Some(_)) => self.blended(&space, &candidates[0], log, &*search, observer)?,
+        let (outcome, spent) = match (&log, self.metric.properties().rough) {
+            (Some(log), true) => self.blended(&space, &candidates[0], log, &*search, observer)?,
             _ => self.search(&space, &candidates, &*search, observer)?,
         };
         let whole = match self.is_coarse(coarse.is_some()) {
@@ -196,27 +193,18 @@ impl<'a> Fitting<'a> {
     }
 
     fn start_or_default(&self) -> Start {
-        let learned = self.metric.as_learned().is_some();
-        self.start.clone().unwrap_or(if learned { Start::Log } else { Start::Staged })
-    }
-
-    /// The same metric on fewer cells, if it is one on graphs and does not name its grid.
-    fn coarse_metric(&self) -> Option<Arc<dyn Metric>> {
-        let graph = self.metric.as_graph()?;
-        let [i, o, d] = graph.grid().shape().map(|n| (n / self.coarsening).max(4));
-        let coarse = graph.with_default_grid(GraphGrid::new(i, o, d).ok()?);
-        let differs = coarse.as_graph().is_some_and(|c| c.grid() != graph.grid());
-        differs.then_some(coarse)
+        let rough = self.metric.properties().rough;
+        self.start.clone().unwrap_or(if rough { Start::Log } else { Start::Staged })
     }
 
     /// Whether the search runs on fewer cells than the metric has.
     fn is_coarse(&self, coarse_metric: bool) -> bool {
-        let lattice = self.metric.as_lp().is_some_and(LpLoss::is_available);
+        let lattice = lp_variant(self.metric).is_some_and(LpLoss::is_available);
         coarse_metric || (lattice && self.coarsening > 1)
     }
 
     fn limits(&self, step: f64) -> Limits {
-        let default = if self.metric.as_lp().is_some() { 5000 } else { 400 };
+        let default = if lp_variant(self.metric).is_some() { 5000 } else { 400 };
         Limits { max_evaluations: self.max_evaluations.unwrap_or(default), step, tolerance: TOLERANCE }
     }
 
@@ -349,19 +337,17 @@ fn no_log() -> MetricError {
     MetricError::NotComputed { metric: LOG.to_string(), reason: "it compares colours".to_owned() }
 }
 
+/// The Lp variant that a metric is, if it is one: those have a loss on fewer cells.
+fn lp_variant(metric: &dyn Metric) -> Option<LpVariant> {
+    (metric as &dyn Any).downcast_ref::<LpMetric>().map(LpMetric::variant)
+}
+
 /// The loss of a metric; `coarsening` counts for Lp alone.
-fn loss_of<'a>(
-    metric: &'a dyn Metric,
-    reference: &dyn Brdf,
-    coarsening: usize,
-) -> Result<Box<dyn Loss + 'a>, MetricError> {
-    if let Some(variant) = metric.as_lp()
+fn loss_of(metric: &dyn Metric, reference: &dyn Brdf, coarsening: usize) -> Result<Box<dyn Loss>, MetricError> {
+    if let Some(variant) = lp_variant(metric)
         && let Some(loss) = LpLoss::new(reference, variant, coarsening)?
     {
         return Ok(Box::new(loss));
-    }
-    if let Some(learned) = metric.as_learned() {
-        return Ok(Box::new(LearnedLoss::new(learned, reference)?));
     }
     Ok(Box::new(MetricLoss::new(metric, reference)?))
 }

@@ -19,11 +19,11 @@ mod space;
 pub mod start;
 
 pub use fitting::{Fitted, Fitting, Start};
-pub use result_file::{FitFile, MetricUsed, ReferenceUsed};
+pub use result_file::{FIT_VERSION, FitFile, KeptFit, MetricUsed, ReferenceUsed};
 pub use space::Space;
 
 use crate::brdf::BrdfError;
-use crate::brdf::models::{MODELS, ModelError};
+use crate::brdf::models::{ModelError, names};
 use crate::io::{did_you_mean, nearest};
 use crate::metric::MetricError;
 use thiserror::Error;
@@ -35,7 +35,7 @@ pub enum FitError {
     Metric(#[from] MetricError),
     #[error(transparent)]
     Model(ModelError),
-    #[error("unknown model `{found}`; {}; allowed: {}, and sums such as ggx+ward", did_you_mean(nearest), MODELS.join(", "))]
+    #[error("unknown model `{found}`; {}; allowed: {}, and sums such as ggx+ward", did_you_mean(nearest), names().join(", "))]
     UnknownModel { found: String, nearest: Vec<String> },
     #[error("{what}: found {found}, allowed: {allowed}")]
     Setting { what: &'static str, found: String, allowed: String },
@@ -55,7 +55,7 @@ impl FitError {
     /// With the nearest names for a model that does not exist.
     fn from_model(error: ModelError) -> Self {
         let ModelError::UnknownModel { found } = error else { return Self::Model(error) };
-        let nearest = nearest(&found, MODELS);
+        let nearest = nearest(&found, names());
         Self::UnknownModel { found, nearest }
     }
 }

@@ -2,29 +2,39 @@
 //!
 //! ```text
 //! format       1; a reader refuses newer ones
+//! readable_from  the first version of vernis that reads this format
 //! model        identifier of the model
 //! parameters   by name, colours as three numbers, as in a model file
 //! reference    {source, sha256}: what was fitted
-//! metric       {name, version}: the loss; the version is that of the learned metric, or of this program
+//! metric       {name, version}: the loss, and the version of its numbers
 //! value_at_start, value   the metric's distance
 //! start, optimizer, seed, starts, grid, max_evaluations   how it was searched; grid is the coarsening
 //! stop         converged, no-descent, evaluation-limit or direct
 //! evaluations, polish_evaluations
 //! history      [[evaluations, loss of the search], ...]: improvements
+//! fit_version  of the search: the same settings and versions give the same file
 //! program      name and version of the writer
+//! seal         SHA-256 of the rest: a kept fit that was changed is made again
 //! ```
+//!
+//! The first files had neither seal nor fit_version, and the version of the program in place of that of a classical metric.
 //!
 //! It is a BRDF source wherever one is accepted: the reader of model files takes `model` and `parameters`.
 
 use super::{FitError, Fitted, Fitting, direct};
-use crate::brdf::formats::model_json::FIT_FORMAT;
+use crate::brdf::formats::model_json::{FIT_FORMAT, FIT_READABLE_FROM};
 use crate::brdf::models::AnalyticBrdf;
+use crate::io::{SealError, read_at_most, seal_of};
 use crate::metric::Metric;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
 const PROGRAM: &str = concat!("vernis ", env!("CARGO_PKG_VERSION"));
+/// Far more than any fit needs.
+const MOST_BYTES: u64 = 4 << 20;
+/// Of starts, searches and polish: it changes when the same settings give other parameters.
+pub const FIT_VERSION: &str = "1";
 
 /// The loss of a fit.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,11 +45,7 @@ pub struct MetricUsed {
 
 impl MetricUsed {
     pub fn of(metric: &dyn Metric) -> Self {
-        let learned = metric.as_learned().map(|m| m.exported().metric_version.clone());
-        Self {
-            name: metric.name().to_owned(),
-            version: learned.unwrap_or_else(|| env!("CARGO_PKG_VERSION").to_owned()),
-        }
+        Self { name: metric.name().to_owned(), version: metric.version().to_owned() }
     }
 }
 
@@ -71,7 +77,23 @@ pub struct FitFile {
     pub evaluations: usize,
     pub polish_evaluations: usize,
     pub history: Vec<(usize, f64)>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fit_version: Option<String>,
     pub program: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub readable_from: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    seal: Option<String>,
+}
+
+/// What is at the place of a fit that an earlier run may have left.
+#[derive(Debug, Clone, PartialEq)]
+pub enum KeptFit {
+    Whole(Box<FitFile>),
+    /// No file.
+    Absent,
+    /// A file that cannot be used, and why.
+    Refused(String),
 }
 
 impl FitFile {
@@ -95,14 +117,39 @@ impl FitFile {
             evaluations: fitted.evaluations,
             polish_evaluations: fitted.polish_evaluations,
             history: fitted.history.iter().map(|h| (h.evaluations, h.value)).collect(),
+            fit_version: Some(FIT_VERSION.to_owned()),
             program: PROGRAM.to_owned(),
+            readable_from: Some(FIT_READABLE_FROM.to_owned()),
+            seal: None,
         }
     }
 
-    /// Reads a file; `None` if it is none, or is of another format or program.
-    pub fn read(path: &Path) -> Option<Self> {
-        let file: Self = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
-        (file.format == FIT_FORMAT && file.program == PROGRAM).then_some(file)
+    /// Reads the file that an earlier run may have left at `path`.
+    pub fn read(path: &Path) -> KeptFit {
+        let bytes = match read_at_most(path, MOST_BYTES) {
+            Ok(bytes) => bytes,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return KeptFit::Absent,
+            Err(e) => return KeptFit::Refused(e.to_string()),
+        };
+        match Self::parse(&bytes) {
+            Ok(file) => KeptFit::Whole(Box::new(file)),
+            Err(reason) => KeptFit::Refused(reason),
+        }
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let mut file: Self = serde_json::from_slice(bytes).map_err(|e| format!("it cannot be read ({e})"))?;
+        match (file.format, file.seal.take()) {
+            (FIT_FORMAT, Some(seal)) if seal_of(&file).is_ok_and(|own| own == seal) => file.seal = Some(seal),
+            // Before seals, the version of a classical metric was that of the program.
+            (FIT_FORMAT, None) if file.fit_version.is_none() => file.metric.version = legacy_version(&file.metric),
+            (FIT_FORMAT, _) => return Err(SealError::Broken.to_string()),
+            (newer, _) => {
+                let from = file.readable_from.unwrap_or_else(|| "a newer version".to_owned());
+                return Err(format!("format {newer} needs vernis {from}; this is {}", env!("CARGO_PKG_VERSION")));
+            }
+        }
+        Ok(file)
     }
 
     /// Whether fitting the reference with that content in this way gave this file.
@@ -114,6 +161,7 @@ impl FitFile {
         self.model == fitting.model
             && self.reference.sha256 == sha256
             && self.metric == MetricUsed::of(fitting.metric)
+            && self.fit_version.as_deref().unwrap_or("1") == FIT_VERSION
             && (searched || direct::is_direct(fitting.model))
     }
 
@@ -122,9 +170,23 @@ impl FitFile {
     /// # Errors
     /// [`FitError::Write`].
     pub fn to_json(&self) -> Result<String, FitError> {
-        let text = serde_json::to_string_pretty(self).map_err(|e| FitError::Write { reason: e.to_string() })?;
-        Ok(text + "\n")
+        let failed = |e: serde_json::Error| FitError::Write { reason: e.to_string() };
+        let open = Self { seal: None, ..self.clone() };
+        let sealed = Self { seal: Some(seal_of(&open).map_err(failed)?), ..open };
+        Ok(serde_json::to_string_pretty(&sealed).map_err(failed)? + "\n")
     }
+}
+
+/// The version of the metric that made a file of vernis 0.1.0.
+fn legacy_version(metric: &MetricUsed) -> String {
+    const PROGRAM: &str = "0.1.0";
+    match metric.name.split('[').next() {
+        _ if metric.version != PROGRAM => &metric.version,
+        Some("ot") => "4",
+        Some("energy" | "mmd-gaussian" | "mmd-laplacian") => "1",
+        _ => "2",
+    }
+    .to_owned()
 }
 
 /// The parameters of a model by field, colours as lists.

@@ -1,7 +1,11 @@
-//! What meets the outside: bounded reads, atomic writes, and text for messages.
+//! What meets the outside: bounded reads, atomic writes, sealed results, progress, and text for messages.
 
 mod files;
+mod progress;
+mod sealed;
 mod text;
 
 pub use files::{NewFile, read_at_most, write_atomically};
+pub use progress::{Observer, Progress, silent};
+pub use sealed::{SealError, seal, seal_of, unseal};
 pub use text::{did_you_mean, nearest, shown};

@@ -5,32 +5,45 @@ pub mod kernel;
 pub mod learned;
 pub mod lp;
 pub mod registry;
+mod share;
 pub mod transport;
 
+pub use share::{PreparedMetrics, PreparedShare, Share, ShareKey, groups};
+
 use crate::brdf::{Brdf, Grid};
+use crate::descriptor::{Cache, CacheWarning};
 use crate::io::did_you_mean;
 use crate::math::{Rgb, Vec3};
-use graph::{GraphGrid, GraphMetric};
-use learned::LearnedMetric;
-use lp::LpVariant;
+use graph::GraphGrid;
+use serde::Serialize;
+use std::any::Any;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// What a user must know of a metric before using it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Properties {
+    /// Metrics of one kind, for tables and ablations, such as `lp`; empty for a kind of its own.
+    pub family: &'static str,
     /// Unit of the distance, `"1"` where it has none.
     pub unit: &'static str,
     /// `distance(a, b) == distance(b, a)`.
     pub symmetric: bool,
     /// Can drive a fit: cheap enough, and without flat regions by design.
     pub usable_as_loss: bool,
+    /// Its landscape has hollows: a fit starts near the minimum of a smoother metric and lets this one in by degrees.
+    pub rough: bool,
+    /// It was learned from simulated observers: its numbers say nothing about people.
+    pub synthetic: bool,
     /// One line for lists.
     pub summary: String,
     /// Paper, equation, DOI.
     pub source: &'static str,
 }
 
+/// Why there is no distance.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum MetricError {
     #[error("{side}: {reason}")]
     Unusable { side: &'static str, reason: String },
@@ -46,12 +59,12 @@ pub enum MetricError {
     DifferentGrids { metric: String, reference: String, candidate: String },
     #[error("{metric}: {reason}")]
     NotComputed { metric: String, reason: String },
-    #[error("no table was made for the grid {grid}")]
-    NoTable { grid: GraphGrid },
     #[error("{metric}: the distance has no gradient")]
     NoGradient { metric: String },
     #[error("{what}: found {found}, allowed: {allowed}")]
     Parameter { what: String, found: String, allowed: String },
+    #[error("{name}: {metric} is one metric and has no options")]
+    NoOptions { metric: String, name: String },
     #[error("there is no metric `{name}`; {}", did_you_mean(.nearest))]
     Unknown { name: String, nearest: Vec<String> },
     #[error("the metric that comes with this build cannot be read: {reason}")]
@@ -60,41 +73,118 @@ pub enum MetricError {
     NameTaken { name: String },
 }
 
+/// What a metric that was learned from ratings predicts for a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Score {
+    /// In points of mean opinion score (MOS) below that of identical BRDFs, 0 or more: 0 is identical, larger is worse.
+    pub distance: f64,
+    /// Mean opinion score, 1 to 5, and its interval.
+    pub mos: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+/// What a metric says of a pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// The distance.
+    pub value: f64,
+    /// The distance of each channel alone (R, G, B), where the metric has one.
+    pub channels: Option<[f64; 3]>,
+    /// Mean opinion score and its interval, where the metric was learned from ratings.
+    pub score: Option<Score>,
+}
+
+impl Measured {
+    /// A distance and no more.
+    pub fn distance(value: f64) -> Self {
+        Self { value, channels: None, score: None }
+    }
+}
+
 /// A distance from a reference to a candidate: exactly zero for identical BRDFs, larger is worse, never NaN.
-pub trait Metric: Send + Sync {
+///
+/// Four methods make a metric. The others say what it has in common with other metrics, what a fit may do with it, and which
+/// members its family has; their defaults are right for a metric that stands alone.
+pub trait Metric: Any + Send + Sync {
     /// The registry name, such as `D9.Cl`.
     fn name(&self) -> &str;
 
+    /// The version of its numbers: it changes whenever a distance changes by more than rounding. Caches, journals, extracted
+    /// studies, fits and reports carry it, so that numbers of two versions never mix. It stands beside the algorithm.
+    fn version(&self) -> &str;
+
     fn properties(&self) -> Properties;
 
-    /// Pays for the fixed side once: a fit compares one reference with many candidates.
-    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError>;
+    /// Pays for the fixed side once: a fit compares one reference with many candidates. What is prepared owns all it needs.
+    ///
+    /// # Errors
+    /// A reference that the metric cannot compare with anything.
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError>;
 
+    /// # Errors
+    /// Those of [`Metric::prepare`] and [`PreparedMetric::distance`].
     fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
         self.prepare(reference)?.distance(candidate)
     }
 
-    /// The Lp variant that this metric is, if it is one: many of them cost one pass over a pair
-    /// ([`registry::distances`]).
-    fn as_lp(&self) -> Option<LpVariant> {
+    /// What decides its numbers: name and version, and whatever else a metric of the same name may differ in. Part of the keys
+    /// under which distances are kept.
+    fn identity(&self) -> String {
+        format!("{} {}", self.name(), self.version())
+    }
+
+    /// Its part in work that it does together with other metrics ([`PreparedMetrics`]).
+    fn share(&self) -> Option<Share> {
         None
     }
 
-    /// The metric on graphs that this is, if it is one: many of them share the tables of a pair
-    /// ([`registry::distances`]), and it has a divergence a channel.
-    fn as_graph(&self) -> Option<&dyn GraphMetric> {
+    /// The member of this metric's family that `name` describes, such as `energy[alpha=0.05]`.
+    ///
+    /// # Errors
+    /// [`MetricError::Parameter`] for an unknown option or a value out of range, and where the metric has no options.
+    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
+        Err(MetricError::NoOptions { metric: self.name().to_owned(), name: name.to_owned() })
+    }
+
+    /// The same metric on `grid`, unless its name says which grid it is for; `None` where it looks at no grid of cells.
+    fn on_grid(&self, _grid: GraphGrid) -> Option<Arc<dyn Metric>> {
         None
     }
 
-    /// The learned metric that this is, if it is one: it says more than a distance.
-    fn as_learned(&self) -> Option<&LearnedMetric> {
+    /// The same metric at about one of `coarsening` cells along each axis, for the search of a fit; `None` where it cannot be
+    /// had with fewer.
+    fn coarser(&self, _coarsening: usize) -> Option<Arc<dyn Metric>> {
+        None
+    }
+
+    /// Takes what every comparison needs, whatever the BRDFs, from the cache, or makes and keeps it there.
+    fn warm_up(&self, _cache: &Cache) -> Option<CacheWarning> {
         None
     }
 }
 
 /// A metric whose reference is fixed.
 pub trait PreparedMetric: Send + Sync {
+    /// # Errors
+    /// A candidate that the metric cannot compare with the reference, a distance that is not finite.
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError>;
+
+    /// All that the metric says of the candidate.
+    ///
+    /// # Errors
+    /// Those of [`PreparedMetric::distance`].
+    fn measure(&self, candidate: &dyn Brdf) -> Result<Measured, MetricError> {
+        self.distance(candidate).map(Measured::distance)
+    }
+
+    /// What a fit minimises: the distance, before it is cut off at zero where that is done. It may be negative.
+    ///
+    /// # Errors
+    /// Those of [`PreparedMetric::distance`].
+    fn loss(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
+        self.distance(candidate)
+    }
 
     /// The gradient with respect to the candidate, where the metric has one.
     fn as_differentiable(&self) -> Option<&dyn DifferentiableMetric> {
@@ -109,6 +199,11 @@ pub trait DifferentiableMetric: PreparedMetric {
     /// # Errors
     /// Those of [`PreparedMetric::distance`]; [`MetricError::NoGradient`].
     fn gradient(&self, candidate: &dyn Brdf) -> Result<TableGradient, MetricError>;
+
+    /// The power of the distance that is smooth where both sides agree: 2 for a root of a mean square.
+    fn smooth_power(&self) -> f64 {
+        1.0
+    }
 }
 
 /// How a distance changes with the values of the candidate at the cells where the metric looks.

@@ -3,15 +3,13 @@
 //! A new metric becomes known everywhere (command line, benchmark, contract tests) by one [`Registry::add`] in
 //! [`Registry::standard`].
 
-use super::graph::{CosineTable, GraphGrid, combine};
 use super::kernel::KernelMetric;
-use super::learned::{LearnedMetric, Score};
-use super::lp::{LpDistances, LpMetric, LpVariant};
+use super::learned::LearnedMetric;
+use super::lp::{LpMetric, LpVariant};
 use super::transport::TransportMetric;
-use super::{Metric, MetricError};
+use super::{Measured, Metric, MetricError, PreparedMetrics, Score};
 use crate::brdf::Brdf;
 use crate::io::nearest;
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Metrics with unique names, in the order in which they were added.
@@ -23,12 +21,12 @@ pub struct Registry {
 /// A name that stands for several metrics.
 struct Group {
     name: &'static str,
-    contains: fn(&dyn Metric) -> bool,
+    contains: fn(&str) -> bool,
 }
 
 const GROUPS: [Group; 1] = [Group {
     name: "all-lp",
-    contains: |metric| metric.as_lp().is_some_and(|v| LpVariant::of_study().any(|s| s == v)),
+    contains: |metric| metric.parse().is_ok_and(|variant| LpVariant::of_study().any(|s| s == variant)),
 }];
 
 impl Registry {
@@ -73,7 +71,7 @@ impl Registry {
     }
 
     /// The metric called `name`, or the member of a family that `family[key=value,...]` describes
-    /// ([`GraphMetric::member`](super::graph::GraphMetric::member)).
+    /// ([`Metric::member`]).
     ///
     /// # Errors
     /// [`MetricError::Unknown`] with the nearest names; [`MetricError::Parameter`] for wrong options.
@@ -82,14 +80,7 @@ impl Registry {
             return Ok(found.clone());
         }
         let Some((family, _)) = name.split_once('[') else { return Err(self.unknown(name)) };
-        match self.get(family)?.as_graph() {
-            Some(graph) => graph.member(name),
-            None => Err(MetricError::Parameter {
-                what: name.to_owned(),
-                found: "options".to_owned(),
-                allowed: format!("none, {family} is one metric"),
-            }),
-        }
+        self.get(family)?.member(name)
     }
 
     /// The metric called `name`, or all of a group: `all-lp` stands for the 36 of the study.
@@ -98,7 +89,7 @@ impl Registry {
     /// [`MetricError::Unknown`] with the nearest names.
     pub fn resolve(&self, name: &str) -> Result<Vec<Arc<dyn Metric>>, MetricError> {
         match GROUPS.iter().find(|group| group.name == name) {
-            Some(group) => Ok(self.metrics.iter().filter(|metric| (group.contains)(&***metric)).cloned().collect()),
+            Some(group) => Ok(self.metrics.iter().filter(|metric| (group.contains)(metric.name())).cloned().collect()),
             None => Ok(vec![self.get(name)?]),
         }
     }
@@ -108,7 +99,7 @@ impl Registry {
     }
 }
 
-/// The value of one metric for one pair.
+/// What one metric says of one pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Distance {
     /// The metric's registry name.
@@ -120,53 +111,22 @@ pub struct Distance {
     pub score: Option<Score>,
 }
 
-/// The values of many metrics for one pair, in the order of `metrics`. All Lp variants share a single pass, all metrics on
-/// graphs the tables of each grid.
+/// The values of many metrics for one pair, in the order of `metrics`; work that metrics share is done once
+/// ([`PreparedMetrics`]).
+///
+/// # Errors
+/// Those of [`PreparedMetrics::new`] and [`PreparedMetrics::measure`].
 pub fn distances(
     metrics: &[Arc<dyn Metric>],
     reference: &dyn Brdf,
     candidate: &dyn Brdf,
 ) -> Result<Vec<Distance>, MetricError> {
-    let variants: Vec<_> = metrics.iter().filter_map(|metric| metric.as_lp()).collect();
-    let lp = match variants.is_empty() {
-        true => None,
-        false => Some(LpDistances::of_variants(reference, candidate, &variants)?),
+    let found = PreparedMetrics::new(metrics, reference)?.measure(candidate)?;
+    let named = |(metric, Measured { value, channels, score }): (&Arc<dyn Metric>, Measured)| Distance {
+        metric: metric.name().to_owned(),
+        value,
+        channels,
+        score,
     };
-    let graphs = GraphTables::of(metrics, reference, candidate)?;
-    let distance = |metric: &Arc<dyn Metric>| {
-        let name = metric.name().to_owned();
-        if let (Some(lp), Some(variant)) = (&lp, metric.as_lp()) {
-            return Ok(Distance { metric: name, value: lp.get(variant), channels: lp.channels(variant), score: None });
-        }
-        if let Some(graph) = metric.as_graph() {
-            let (reference, candidate) = graphs.on(graph.grid())?;
-            let channels = graph.channels(reference, candidate)?;
-            let value = combine(&name, channels, graph.gamma())?;
-            return Ok(Distance { metric: name, value, channels: Some(channels), score: None });
-        }
-        let score = metric.as_learned().map(|learned| learned.compare(reference, candidate)).transpose()?;
-        let value = match score {
-            Some(score) => score.distance,
-            None => metric.distance(reference, candidate)?,
-        };
-        Ok(Distance { metric: name, value, channels: None, score })
-    };
-    metrics.iter().map(distance).collect()
-}
-
-/// The tables of a pair on every grid that the metrics ask for.
-struct GraphTables(Vec<(GraphGrid, CosineTable, CosineTable)>);
-
-impl GraphTables {
-    fn of(metrics: &[Arc<dyn Metric>], reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Self, MetricError> {
-        let grids: BTreeSet<GraphGrid> = metrics.iter().filter_map(|m| m.as_graph()).map(|g| g.grid()).collect();
-        let table = |brdf, grid, side| CosineTable::of(brdf, grid, side);
-        let both = |grid| Ok((grid, table(reference, grid, "reference")?, table(candidate, grid, "candidate")?));
-        grids.into_iter().map(both).collect::<Result<_, _>>().map(Self)
-    }
-
-    fn on(&self, grid: GraphGrid) -> Result<(&CosineTable, &CosineTable), MetricError> {
-        let found = self.0.iter().find(|(on, _, _)| *on == grid);
-        found.map(|(_, reference, candidate)| (reference, candidate)).ok_or(MetricError::NoTable { grid })
-    }
+    Ok(metrics.iter().zip(found).map(named).collect())
 }

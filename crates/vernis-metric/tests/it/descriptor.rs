@@ -282,7 +282,7 @@ fn every_brdf_is_computed_once_and_progress_counts_them() {
     });
     let (set, setup) = (DescriptorSet::compact(), Setup::standard());
     let (calls, last) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let progress = |p: vernis_metric::descriptor::Progress| {
+    let progress = |p: vernis_metric::io::Progress| {
         calls.fetch_add(1, Ordering::Relaxed);
         last.fetch_max(p.done, Ordering::Relaxed);
         assert_eq!(p.total, 3);

@@ -6,13 +6,15 @@
 //! `{"format": 1, "model": "ward", "parameters": {"kd": ...}, ...}`.
 
 use crate::brdf::BrdfError;
-use crate::brdf::models::{FieldError, MODELS, ModelError, NamedParameters};
+use crate::brdf::models::{FieldError, ModelError, NamedParameters, names};
 use crate::io::{nearest, read_at_most};
 use serde_json::Value;
 use std::path::Path;
 
 /// The format of files of fits that this version writes; older ones keep being read.
 pub const FIT_FORMAT: u32 = 1;
+/// The first version of vernis that reads this format.
+pub const FIT_READABLE_FROM: &str = "0.1.0";
 /// Far more than any model needs.
 const MOST_BYTES: u64 = 1 << 20;
 
@@ -49,7 +51,7 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
         Some(Value::String(model)) => model,
         other => {
             let found = other.map_or("nothing".to_owned(), Value::to_string);
-            return Err(field_error("model", found, format!("one of {}", MODELS.join(", "))));
+            return Err(field_error("model", found, format!("one of {}", names().join(", "))));
         }
     };
     let mut parameters = for_model(place, model)?;
@@ -80,7 +82,9 @@ fn fields<'a>(
     };
     // What is newer may look different: this comes first.
     if !format.as_u64().is_some_and(|f| (1..=u64::from(FIT_FORMAT)).contains(&f)) {
-        let allowed = format!("1 to {FIT_FORMAT}; a newer file needs a newer vernis");
+        let reader = json.get("readable_from").and_then(Value::as_str).unwrap_or("a newer version");
+        let allowed =
+            format!("1 to {FIT_FORMAT} in vernis {}; this file needs vernis {reader}", env!("CARGO_PKG_VERSION"));
         return Err(error("format", format.to_string(), allowed));
     }
     match json.get("parameters") {
@@ -97,9 +101,9 @@ pub(in crate::brdf) fn for_model(place: &str, model: &str) -> Result<NamedParame
     NamedParameters::new(model).map_err(|cause| match cause {
         ModelError::UnknownModel { found } => BrdfError::UnknownModel {
             place: place.to_owned(),
-            nearest: nearest(&found, MODELS),
+            nearest: nearest(&found, names()),
             found,
-            allowed: MODELS.map(str::to_owned).to_vec(),
+            allowed: names().into_iter().map(str::to_owned).collect(),
         },
         cause => BrdfError::Model { place: place.to_owned(), cause },
     })

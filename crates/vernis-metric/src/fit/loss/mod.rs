@@ -4,17 +4,16 @@
 //! | --- | --- | --- |
 //! | Lp without the colour differences | [`LpLoss`] | every n-th cell, all cells near the highlight |
 //! | metrics on graphs | [`MetricLoss`] | a coarser grid of theirs |
-//! | learned | [`LearnedLoss`]: the prediction before it is cut off at zero | their own |
-//! | any other | [`MetricLoss`] | their own |
+//! | any other | [`MetricLoss`]; that of a learned metric is the prediction before it is cut off at zero | their own |
 
+mod blend;
 mod formula;
 mod lattice;
-mod learned;
 mod lp;
 mod prepared;
 
+pub use blend::Blend;
 pub use lattice::Lattice;
-pub use learned::{Blend, LearnedLoss};
 pub use lp::LpLoss;
 pub use prepared::MetricLoss;
 

@@ -10,26 +10,26 @@ use rayon::prelude::*;
 const CHUNK: usize = 2048;
 
 /// A metric whose reference is fixed.
-pub struct MetricLoss<'a> {
-    metric: &'a dyn Metric,
-    prepared: Box<dyn PreparedMetric + 'a>,
+pub struct MetricLoss {
+    name: String,
+    prepared: Box<dyn PreparedMetric>,
 }
 
-impl<'a> MetricLoss<'a> {
+impl MetricLoss {
     /// # Errors
     /// Those of [`Metric::prepare`].
-    pub fn new(metric: &'a dyn Metric, reference: &dyn Brdf) -> Result<Self, MetricError> {
-        Ok(Self { metric, prepared: metric.prepare(reference)? })
+    pub fn new(metric: &dyn Metric, reference: &dyn Brdf) -> Result<Self, MetricError> {
+        Ok(Self { name: metric.name().to_owned(), prepared: metric.prepare(reference)? })
     }
 }
 
-impl Loss for MetricLoss<'_> {
+impl Loss for MetricLoss {
     fn name(&self) -> &str {
-        self.metric.name()
+        &self.name
     }
 
     fn value(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError> {
-        or_infinite(self.prepared.distance(candidate))
+        or_infinite(self.prepared.loss(candidate))
     }
 
     fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
@@ -37,10 +37,10 @@ impl Loss for MetricLoss<'_> {
     }
 }
 
-impl DifferentiableLoss for MetricLoss<'_> {
+impl DifferentiableLoss for MetricLoss {
     /// By the chain rule: sum over cells and channels of d distance/d value times d value/d parameter.
     fn gradient(&self, candidate: &dyn DifferentiableBrdf) -> Result<(f64, Vec<f64>), MetricError> {
-        let none = || MetricError::NoGradient { metric: self.metric.name().to_owned() };
+        let none = || MetricError::NoGradient { metric: self.name.clone() };
         let metric = self.prepared.as_differentiable().ok_or_else(none)?;
         let table = metric.gradient(candidate)?;
         let directions = table.grid.all_directions();
@@ -63,6 +63,6 @@ impl DifferentiableLoss for MetricLoss<'_> {
     }
 
     fn smooth_power(&self) -> f64 {
-        self.metric.as_graph().map_or(1.0, |graph| 1.0 / graph.gamma())
+        self.prepared.as_differentiable().map_or(1.0, |metric| metric.smooth_power())
     }
 }

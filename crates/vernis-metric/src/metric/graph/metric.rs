@@ -2,26 +2,22 @@
 
 use super::{CosineTable, GraphGrid};
 use crate::brdf::Brdf;
-use crate::metric::{DifferentiableMetric, Metric, MetricError, PreparedMetric, TableGradient};
-use std::borrow::Cow;
+use crate::metric::{
+    DifferentiableMetric, Measured, Metric, MetricError, PreparedMetric, PreparedShare, Share, TableGradient,
+};
 use std::sync::Arc;
 
 /// For each channel (R, G, B) the divergence, and its derivatives with respect to the candidate's f cos theta_i, one a cell.
 pub type ChannelGradients = [(f64, Vec<f64>); 3];
 
-/// A metric that compares the graphs of two BRDFs, channel by channel.
+/// A metric that compares the graphs of two BRDFs, channel by channel. [`share`], [`on_grid`] and [`coarser`] make the methods of
+/// [`Metric`] out of it.
 pub trait GraphMetric: Metric {
     /// The cells that are compared.
     fn grid(&self) -> GraphGrid;
 
     /// The same metric on `grid`, unless its name says which grid it is for.
-    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn Metric>;
-
-    /// The member of this metric's family that `name` describes: `energy[alpha=.05]`.
-    ///
-    /// # Errors
-    /// [`MetricError::Parameter`] for an unknown option or a value out of range.
-    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError>;
+    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn GraphMetric>;
 
     /// The power to which the sum of the channels is taken.
     fn gamma(&self) -> f64;
@@ -30,16 +26,54 @@ pub trait GraphMetric: Metric {
     ///
     /// # Errors
     /// A table without a valid cell or with values that are too large; parameters that the grid is too fine for.
-    fn prepare_table<'a>(&'a self, reference: Cow<'a, CosineTable>)
-    -> Result<Box<dyn PreparedTable + 'a>, MetricError>;
+    fn prepare_table(&self, reference: Arc<CosineTable>) -> Result<Box<dyn PreparedTable>, MetricError>;
+}
 
-    /// The divergence of each channel (R, G, B) of two tables.
-    ///
-    /// # Errors
-    /// Those of [`GraphMetric::prepare_table`] and [`PreparedTable::channels`].
-    fn channels(&self, reference: &CosineTable, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        self.prepare_table(Cow::Borrowed(reference))?.channels(candidate)
+/// [`Metric::share`] of a metric on graphs: metrics on one grid share the tables of both BRDFs.
+pub fn share(metric: Arc<dyn GraphMetric>) -> Share {
+    Share::new(format!("graph {}", metric.grid()), metric, together)
+}
+
+/// [`Metric::on_grid`] of a metric on graphs.
+pub fn on_grid(metric: &dyn GraphMetric, grid: GraphGrid) -> Arc<dyn Metric> {
+    metric.with_default_grid(grid)
+}
+
+/// [`Metric::coarser`] of a metric on graphs: one cell for `coarsening` along each axis, but at least four; `None` where its name
+/// says which grid it is for.
+pub fn coarser(metric: &dyn GraphMetric, coarsening: usize) -> Option<Arc<dyn Metric>> {
+    const FEWEST: usize = 4;
+    let [i, o, d] = metric.grid().shape().map(|n| (n / coarsening.max(1)).max(FEWEST));
+    let coarse = metric.with_default_grid(GraphGrid::new(i, o, d).ok()?);
+    (coarse.grid() != metric.grid()).then_some(coarse as Arc<dyn Metric>)
+}
+
+/// Metrics on one grid.
+struct Together {
+    grid: GraphGrid,
+    prepared: Vec<(Arc<dyn GraphMetric>, Box<dyn PreparedTable>)>,
+}
+
+fn together(metrics: Vec<Arc<dyn GraphMetric>>, reference: &dyn Brdf) -> Result<Box<dyn PreparedShare>, MetricError> {
+    let grid = metrics.first().map_or(GraphGrid::STUDY, |metric| metric.grid());
+    let table = Arc::new(CosineTable::of(reference, grid, "reference")?);
+    let prepare = |metric: Arc<dyn GraphMetric>| {
+        let prepared = metric.prepare_table(table.clone())?;
+        Ok((metric, prepared))
+    };
+    Ok(Box::new(Together { grid, prepared: metrics.into_iter().map(prepare).collect::<Result<_, MetricError>>()? }))
+}
+
+impl PreparedShare for Together {
+    fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError> {
+        let table = CosineTable::of(candidate, self.grid, "candidate")?;
+        self.prepared.iter().map(|(metric, prepared)| measured(&**metric, prepared.channels(&table)?)).collect()
     }
+}
+
+fn measured(metric: &dyn GraphMetric, channels: [f64; 3]) -> Result<Measured, MetricError> {
+    let value = combine(metric.name(), channels, metric.gamma())?;
+    Ok(Measured { value, channels: Some(channels), score: None })
 }
 
 /// A metric on graphs, its reference fixed.
@@ -71,17 +105,18 @@ pub fn combine(metric: &str, channels: [f64; 3], gamma: f64) -> Result<f64, Metr
 }
 
 /// A metric on graphs as a metric on BRDFs.
-pub struct PreparedGraph<'a> {
-    metric: &'a dyn GraphMetric,
-    reference: Box<dyn PreparedTable + 'a>,
+pub struct PreparedGraph {
+    metric: Arc<dyn GraphMetric>,
+    reference: Box<dyn PreparedTable>,
 }
 
-impl<'a> PreparedGraph<'a> {
+impl PreparedGraph {
     /// # Errors
     /// A reference without a valid cell on the metric's grid, and those of [`GraphMetric::prepare_table`].
-    pub fn new(metric: &'a dyn GraphMetric, reference: &dyn Brdf) -> Result<Self, MetricError> {
+    pub fn new(metric: Arc<dyn GraphMetric>, reference: &dyn Brdf) -> Result<Self, MetricError> {
         let table = CosineTable::of(reference, metric.grid(), "reference")?;
-        Ok(Self { metric, reference: metric.prepare_table(Cow::Owned(table))? })
+        let reference = metric.prepare_table(Arc::new(table))?;
+        Ok(Self { metric, reference })
     }
 
     fn candidate(&self, candidate: &dyn Brdf) -> Result<CosineTable, MetricError> {
@@ -89,10 +124,13 @@ impl<'a> PreparedGraph<'a> {
     }
 }
 
-impl PreparedMetric for PreparedGraph<'_> {
+impl PreparedMetric for PreparedGraph {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        let channels = self.reference.channels(&self.candidate(candidate)?)?;
-        combine(self.metric.name(), channels, self.metric.gamma())
+        self.measure(candidate).map(|measured| measured.value)
+    }
+
+    fn measure(&self, candidate: &dyn Brdf) -> Result<Measured, MetricError> {
+        measured(&*self.metric, self.reference.channels(&self.candidate(candidate)?)?)
     }
 
     fn as_differentiable(&self) -> Option<&dyn DifferentiableMetric> {
@@ -100,9 +138,13 @@ impl PreparedMetric for PreparedGraph<'_> {
     }
 }
 
-impl DifferentiableMetric for PreparedGraph<'_> {
+impl DifferentiableMetric for PreparedGraph {
     fn gradient(&self, candidate: &dyn Brdf) -> Result<TableGradient, MetricError> {
-        table_gradient(self.metric, &self.reference.gradients(&self.candidate(candidate)?)?)
+        table_gradient(&*self.metric, &self.reference.gradients(&self.candidate(candidate)?)?)
+    }
+
+    fn smooth_power(&self) -> f64 {
+        1.0 / self.metric.gamma()
     }
 }
 

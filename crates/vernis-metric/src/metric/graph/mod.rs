@@ -20,7 +20,7 @@ mod table;
 mod tone;
 
 pub use grid::GraphGrid;
-pub use metric::{ChannelGradients, GraphMetric, PreparedGraph, PreparedTable, combine};
+pub use metric::{ChannelGradients, GraphMetric, PreparedGraph, PreparedTable, coarser, combine, on_grid, share};
 pub use notation::Options;
 pub use table::{CommonCells, CompactTable, CosineTable};
 pub use tone::Tone;

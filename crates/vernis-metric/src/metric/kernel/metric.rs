@@ -2,12 +2,12 @@
 
 use super::divergence::{DIRECT, Pair, Setting};
 use super::mixture::Kernel;
+use super::{FAMILY, VERSION};
 use crate::brdf::Brdf;
 use crate::metric::graph::{
-    ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
+    self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
 };
-use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
-use std::borrow::Cow;
+use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share};
 use std::sync::Arc;
 
 /// Energy distance, Gaussian or Laplacian MMD between the graphs of two BRDFs.
@@ -108,20 +108,43 @@ impl Metric for KernelMetric {
             Kernel::Laplacian { blur } => format!("Laplacian MMD between graphs, blur {blur}"),
         };
         Properties {
+            family: FAMILY,
             unit: "1",
             symmetric: true,
             usable_as_loss: true,
             summary: format!("{family}, phi {tone}, alpha {alpha}, gamma {}", self.gamma),
             source: "Lavoué et al. 2021, section 6.1, doi:10.1111/cgf.142636; Feydy et al. 2019, arXiv:1810.08278",
+            ..Properties::default()
         }
     }
 
-    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
-        Ok(Box::new(PreparedGraph::new(self, reference)?))
+    fn version(&self) -> &str {
+        VERSION
     }
 
-    fn as_graph(&self) -> Option<&dyn GraphMetric> {
-        Some(self)
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
+        Ok(Box::new(PreparedGraph::new(Arc::new(self.clone()), reference)?))
+    }
+
+    fn share(&self) -> Option<Share> {
+        Some(graph::share(Arc::new(self.clone())))
+    }
+
+    /// Name and version, and the grid where the name leaves it open.
+    fn identity(&self) -> String {
+        format!("{} {} {}", self.name, VERSION, self.grid())
+    }
+
+    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
+        Ok(Arc::new(Self::named(name)?))
+    }
+
+    fn on_grid(&self, grid: GraphGrid) -> Option<Arc<dyn Metric>> {
+        Some(graph::on_grid(self, grid))
+    }
+
+    fn coarser(&self, coarsening: usize) -> Option<Arc<dyn Metric>> {
+        graph::coarser(self, coarsening)
     }
 }
 
@@ -130,33 +153,26 @@ impl GraphMetric for KernelMetric {
         self.grid.unwrap_or_default()
     }
 
-    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn Metric> {
+    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn GraphMetric> {
         Arc::new(Self { grid: self.grid.or(Some(grid)), ..self.clone() })
-    }
-
-    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
-        Ok(Arc::new(Self::named(name)?))
     }
 
     fn gamma(&self) -> f64 {
         self.gamma
     }
 
-    fn prepare_table<'a>(
-        &'a self,
-        reference: Cow<'a, CosineTable>,
-    ) -> Result<Box<dyn PreparedTable + 'a>, MetricError> {
-        Ok(Box::new(PreparedKernel { metric: self, reference }))
+    fn prepare_table(&self, reference: Arc<CosineTable>) -> Result<Box<dyn PreparedTable>, MetricError> {
+        Ok(Box::new(PreparedKernel { metric: self.clone(), reference }))
     }
 }
 
 /// Masses of both sides cancel before anything else is done: there is little to prepare.
-struct PreparedKernel<'a> {
-    metric: &'a KernelMetric,
-    reference: Cow<'a, CosineTable>,
+struct PreparedKernel {
+    metric: KernelMetric,
+    reference: Arc<CosineTable>,
 }
 
-impl PreparedTable for PreparedKernel<'_> {
+impl PreparedTable for PreparedKernel {
     fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
         self.metric.pairs(&self.reference, candidate, |_, pair| pair.divergence())
     }

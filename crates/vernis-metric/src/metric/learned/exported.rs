@@ -20,7 +20,9 @@
 //! spread being the standard deviation of the members' predictions. Identical BRDFs get a distance of exactly 0.
 
 use super::regressor::{Input, Regressor, RegressorError, Term, difference};
-use crate::descriptor::{DescriptorError, DescriptorSet, Family, Setup};
+use crate::brdf::ContentHash;
+use crate::descriptor::{DescriptorError, DescriptorSet, Family, SetupId};
+use crate::metric::Score;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -30,18 +32,20 @@ pub const FORMAT: u32 = 1;
 /// Significant digits of exported weights: about those of an f32.
 const DIGITS: usize = 7;
 
+/// Why there is no exported metric.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ExportedError {
     #[error("{file}, line {line}, column {column}: not an exported metric: {reason}")]
     Json { file: String, line: usize, column: usize, reason: String },
     #[error("{file}: cannot be read: {reason}")]
     Read { file: String, reason: String },
-    #[error("{file}: format {found} is newer than this program, which reads up to {supported}; update vernis")]
-    NewerFormat { file: String, found: u32, supported: u32 },
+    #[error("{file}: format {found}, written by vernis {writer}; this is vernis {program}, which reads up to format {supported}: use vernis {writer} or later", program = env!("CARGO_PKG_VERSION"))]
+    NewerFormat { file: String, found: u32, supported: u32, writer: String },
     #[error("{file}: unknown descriptors: {source}")]
     UnknownFamily { file: String, source: Box<DescriptorError> },
-    #[error("{file}: descriptors of setup {found}; this program computes {known}")]
-    UnknownSetup { file: String, found: String, known: String },
+    #[error("{file}: {source}")]
+    Setup { file: String, source: Box<DescriptorError> },
     #[error("{file}: input {index} is {found}, but the descriptors have {expected} there")]
     Columns { file: String, index: usize, found: String, expected: String },
     #[error("{file}: {what} is {found}; allowed: {allowed}")]
@@ -60,7 +64,7 @@ pub enum ExportedError {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Descriptors {
-    /// Version and options of what computes them, see [`Setup::id`].
+    /// Version and options of what computes them, see [`SetupId`].
     pub setup: String,
     pub set: DescriptorSet,
 }
@@ -148,17 +152,6 @@ pub struct ExportedMetric {
     pub provenance: Provenance,
 }
 
-/// What a metric says of a pair.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Score {
-    /// In MOS below that of identical BRDFs, 0 or more: 0 is identical, larger is worse.
-    pub distance: f64,
-    /// Mean opinion score, 1 to 5, and its interval.
-    pub mos: f64,
-    pub low: f64,
-    pub high: f64,
-}
-
 impl ExportedMetric {
     /// Weights are rounded to nine digits here, so that the file holds exactly what this value computes. Members must
     /// share the regressor's inputs and identity.
@@ -193,8 +186,12 @@ impl ExportedMetric {
         Ok(metric)
     }
 
-    /// Reads the text of a file; `file` names it in errors, `setup` is what computes descriptors here.
-    pub fn parse(text: &str, file: &str, setup: &Setup) -> Result<Self, ExportedError> {
+    /// Reads the text of a file; `file` names it in errors.
+    ///
+    /// # Errors
+    /// A text that is no exported metric, or one of a newer format or version of the descriptors; weights and shapes that
+    /// cannot be.
+    pub fn parse(text: &str, file: &str) -> Result<Self, ExportedError> {
         // What a newer file, or one of other descriptors, is refused by comes first: the rest may not be readable.
         #[derive(Deserialize)]
         struct Header {
@@ -213,22 +210,27 @@ impl ExportedMetric {
         struct Contents {
             descriptors: Names,
         }
+        #[derive(Deserialize)]
+        struct Program {
+            crate_version: String,
+        }
+        #[derive(Deserialize)]
+        struct Written {
+            provenance: Program,
+        }
         let found = json::<Header>(text, file)?.format;
         if found > FORMAT {
-            return Err(ExportedError::NewerFormat { file: file.to_owned(), found, supported: FORMAT });
+            let writer = json::<Written>(text, file)
+                .map_or_else(|_| "of another version".to_owned(), |w| w.provenance.crate_version);
+            return Err(ExportedError::NewerFormat { file: file.to_owned(), found, supported: FORMAT, writer });
         }
         let names = json::<Contents>(text, file)?.descriptors;
         for family in &names.set.families {
             Family::named(family)
                 .map_err(|e| ExportedError::UnknownFamily { file: file.to_owned(), source: Box::new(e) })?;
         }
-        if names.setup != setup.id() {
-            return Err(ExportedError::UnknownSetup {
-                file: file.to_owned(),
-                found: names.setup,
-                known: setup.id().to_owned(),
-            });
-        }
+        SetupId::known(&names.setup)
+            .map_err(|e| ExportedError::Setup { file: file.to_owned(), source: Box::new(e) })?;
         let metric: Self = json(text, file)?;
         metric.check(file)?;
         Ok(metric)
@@ -239,6 +241,13 @@ impl ExportedMetric {
         let text = serde_json::to_string(self)
             .map_err(|e| ExportedError::Write { name: self.name.clone(), reason: e.to_string() })?;
         Ok(text + "\n")
+    }
+
+    /// A hash of what the file holds, but for its name and provenance: what decides the numbers.
+    pub fn content(&self) -> ContentHash {
+        let parts = (&self.metric_version, &self.descriptors, &self.regressor, &self.members, &self.interval);
+        // Numbers, texts and lists have a form in JSON.
+        ContentHash::of(&serde_json::to_vec(&parts).unwrap_or_default())
     }
 
     /// The score of a pair from its descriptors, in the order of `regressor.inputs`.

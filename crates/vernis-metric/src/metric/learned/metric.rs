@@ -2,11 +2,11 @@
 //!
 //! Cost: that of the descriptors, see [`BrdfFeatures`]; the regressor takes less than a millisecond.
 
-use super::exported::{ExportedError, ExportedMetric, Score};
+use super::exported::{ExportedError, ExportedMetric};
 use crate::brdf::Brdf;
-use crate::descriptor::{BrdfFeatures, Setup};
+use crate::descriptor::{BrdfFeatures, Cache, CacheWarning, DescriptorOptions, Setup};
 use crate::io::read_at_most;
-use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
+use crate::metric::{Measured, Metric, MetricError, PreparedMetric, Properties, Score};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ const SHIPPED: &str = include_str!("vernis.vernis.json");
 /// An exported metric and what computes its descriptors.
 #[derive(Debug, Clone)]
 pub struct LearnedMetric {
-    exported: ExportedMetric,
+    exported: Arc<ExportedMetric>,
     setup: Arc<Setup>,
 }
 
@@ -27,7 +27,7 @@ impl LearnedMetric {
     /// `setup` must be the one that `exported` was read or made for.
     pub fn new(exported: ExportedMetric, setup: Arc<Setup>) -> Result<Self, MetricError> {
         if exported.descriptors.setup == setup.id() {
-            return Ok(Self { exported, setup });
+            return Ok(Self { exported: Arc::new(exported), setup });
         }
         Err(MetricError::Unusable {
             side: "metric",
@@ -43,23 +43,33 @@ impl LearnedMetric {
     /// Reads a `*.vernis.json` file whose descriptors need no light probe and no mesh.
     ///
     /// # Errors
-    /// A file that cannot be read, is no exported metric, is of a newer format, or takes other descriptors.
+    /// A file that cannot be read, is no exported metric, is of a newer format, or needs a probe or a mesh.
     pub fn load(path: &Path) -> Result<Self, ExportedError> {
+        Self::load_with(path, &DescriptorOptions::default())
+    }
+
+    /// Reads a `*.vernis.json` file. The probe and the mesh of `options` are used where its descriptors need them.
+    ///
+    /// # Errors
+    /// As [`LearnedMetric::load`]; a probe or a mesh that is not the one that the metric was trained with.
+    pub fn load_with(path: &Path, options: &DescriptorOptions) -> Result<Self, ExportedError> {
         let file = path.display().to_string();
         let unreadable = |reason: String| ExportedError::Read { file: file.clone(), reason };
         let bytes = read_at_most(path, MOST_BYTES).map_err(|e| unreadable(e.to_string()))?;
         let text = String::from_utf8(bytes).map_err(|e| unreadable(e.to_string()))?;
-        Self::parse(&text, &file)
+        Self::parse(&text, &file, options)
     }
 
     /// The metric `vernis` that comes with the library, trained on the open part of the study of Lavoué et al. 2021.
     pub fn shipped() -> Result<Self, ExportedError> {
-        Self::parse(SHIPPED, "the embedded metric")
+        Self::parse(SHIPPED, "the embedded metric", &DescriptorOptions::default())
     }
 
-    fn parse(text: &str, file: &str) -> Result<Self, ExportedError> {
-        let setup = Setup::standard();
-        Ok(Self { exported: ExportedMetric::parse(text, file, &setup)?, setup })
+    fn parse(text: &str, file: &str, options: &DescriptorOptions) -> Result<Self, ExportedError> {
+        let exported = ExportedMetric::parse(text, file)?;
+        let setup = Setup::find(&exported.descriptors.setup, options)
+            .map_err(|e| ExportedError::Setup { file: file.to_owned(), source: Box::new(e) })?;
+        Ok(Self { exported: Arc::new(exported), setup })
     }
 
     /// What computes the descriptors.
@@ -104,6 +114,7 @@ impl Metric for LearnedMetric {
     fn properties(&self) -> Properties {
         let made_of = if self.exported.provenance.synthetic { "SYNTHETIC ratings" } else { "human ratings" };
         Properties {
+            family: super::FAMILY,
             unit: "MOS",
             symmetric: false,
             usable_as_loss: true,
@@ -112,26 +123,45 @@ impl Metric for LearnedMetric {
                 self.exported.provenance.rows, self.exported.provenance.study, self.exported.metric_version
             ),
             source: "vernis; see the model card",
+            rough: true,
+            synthetic: self.exported.provenance.synthetic,
         }
     }
 
-    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
-        Ok(Box::new(Prepared { metric: self, reference: self.features(reference, "reference")? }))
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
+        Ok(Box::new(Prepared { metric: self.clone(), reference: self.features(reference, "reference")? }))
     }
 
-    fn as_learned(&self) -> Option<&LearnedMetric> {
-        Some(self)
+    fn version(&self) -> &str {
+        &self.exported.metric_version
+    }
+
+    /// Name, version and a hash of the file: two metrics that were trained apart may share a name.
+    fn identity(&self) -> String {
+        format!("{} {} {}", self.name(), self.version(), self.exported.content())
+    }
+
+    fn warm_up(&self, cache: &Cache) -> Option<CacheWarning> {
+        cache.prepare(&self.setup)
     }
 }
 
-struct Prepared<'a> {
-    metric: &'a LearnedMetric,
+struct Prepared {
+    metric: LearnedMetric,
     reference: BrdfFeatures,
 }
 
-impl PreparedMetric for Prepared<'_> {
+impl PreparedMetric for Prepared {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        let candidate = self.metric.features(candidate, "candidate")?;
-        Ok(self.metric.score(&self.reference, &candidate)?.distance)
+        self.measure(candidate).map(|measured| measured.value)
+    }
+
+    fn measure(&self, candidate: &dyn Brdf) -> Result<Measured, MetricError> {
+        let score = self.metric.score(&self.reference, &self.metric.features(candidate, "candidate")?)?;
+        Ok(Measured { value: score.distance, channels: None, score: Some(score) })
+    }
+
+    fn loss(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
+        self.metric.signed_distance(&self.reference, &self.metric.features(candidate, "candidate")?)
     }
 }

@@ -4,8 +4,9 @@ use super::block::{Cells, cells, owned_cells};
 use super::kernel::Work;
 use super::pass::Sums;
 use super::variant::{Formula, LpVariant};
+use super::{FAMILY, LpDistances, LpReference, VERSION};
 use crate::brdf::Brdf;
-use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
+use crate::metric::{Measured, Metric, MetricError, PreparedMetric, PreparedShare, Properties, Share};
 
 /// One Lp variant. It computes only what its formula needs; [`super::LpDistances`] gives all at once.
 #[derive(Debug, Clone)]
@@ -50,6 +51,7 @@ impl Metric for LpMetric {
         let clamped = if clamped { ", polar angles below 80 degrees" } else { "" };
         let cube_root = if cube_root { ", of cube roots" } else { "" };
         Properties {
+            family: FAMILY,
             unit: self.variant.unit(),
             symmetric: true,
             // The colour coordinates of D6 jump.
@@ -59,29 +61,56 @@ impl Metric for LpMetric {
                 Formula::Lab => "CIE 15:2018, section 8.2.1, weighted as D6",
                 _ => "Lavoue et al. 2021, section 6.1, as computed by the authors' program",
             },
+            ..Properties::default()
         }
     }
 
-    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
-        Ok(Box::new(Prepared { metric: self, reference: owned_cells(reference, "reference")? }))
+    fn version(&self) -> &str {
+        VERSION
+    }
+
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
+        Ok(Box::new(Prepared { metric: self.clone(), reference: owned_cells(reference, "reference")? }))
     }
 
     fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
         self.between(&*cells(reference, "reference")?, &*cells(candidate, "candidate")?)
     }
 
-    fn as_lp(&self) -> Option<LpVariant> {
-        Some(self.variant)
+    fn share(&self) -> Option<Share> {
+        Some(Share::new("lp", self.variant, together))
     }
 }
 
-struct Prepared<'a> {
-    metric: &'a LpMetric,
+struct Prepared {
+    metric: LpMetric,
     reference: Box<dyn Cells>,
 }
 
-impl PreparedMetric for Prepared<'_> {
+impl PreparedMetric for Prepared {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
         self.metric.between(&*self.reference, &*cells(candidate, "candidate")?)
+    }
+}
+
+/// Any number of variants from one pass.
+struct Together {
+    variants: Vec<LpVariant>,
+    reference: LpReference,
+}
+
+fn together(variants: Vec<LpVariant>, reference: &dyn Brdf) -> Result<Box<dyn PreparedShare>, MetricError> {
+    Ok(Box::new(Together { variants, reference: LpReference::new(reference)? }))
+}
+
+impl PreparedShare for Together {
+    fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError> {
+        let found = LpDistances::of_variants_from(&self.reference, candidate, &self.variants)?;
+        let measured = |&variant: &LpVariant| Measured {
+            value: found.get(variant),
+            channels: found.channels(variant),
+            score: None,
+        };
+        Ok(self.variants.iter().map(measured).collect())
     }
 }

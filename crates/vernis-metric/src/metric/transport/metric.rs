@@ -1,14 +1,14 @@
 //! The transportation distance as a metric.
 
 use super::{
-    Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence, divergence_and_gradient,
+    Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, VERSION, divergence,
+    divergence_and_gradient,
 };
 use crate::brdf::Brdf;
 use crate::metric::graph::{
-    ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
+    self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
 };
-use crate::metric::{Metric, MetricError, PreparedMetric, Properties};
-use std::borrow::Cow;
+use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share};
 use std::sync::Arc;
 
 /// The debiased Sinkhorn divergence between the graphs of two BRDFs, as one number.
@@ -166,6 +166,7 @@ impl Metric for TransportMetric {
     fn properties(&self) -> Properties {
         let p = &self.parameters;
         Properties {
+            family: super::FAMILY,
             unit: "1",
             symmetric: true,
             usable_as_loss: true,
@@ -179,15 +180,37 @@ impl Metric for TransportMetric {
                 self.gamma
             ),
             source: "Lavoué et al. 2021, section 6.1, doi:10.1111/cgf.142636; GeomLoss 0.3.1",
+            ..Properties::default()
         }
     }
 
-    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
-        Ok(Box::new(PreparedGraph::new(self, reference)?))
+    fn version(&self) -> &str {
+        VERSION
     }
 
-    fn as_graph(&self) -> Option<&dyn GraphMetric> {
-        Some(self)
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
+        Ok(Box::new(PreparedGraph::new(Arc::new(self.clone()), reference)?))
+    }
+
+    fn share(&self) -> Option<Share> {
+        Some(graph::share(Arc::new(self.clone())))
+    }
+
+    /// Name and version, and the grid where the name leaves it open.
+    fn identity(&self) -> String {
+        format!("{} {} {}", self.name, VERSION, self.grid())
+    }
+
+    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
+        Ok(Arc::new(Self::named(name)?))
+    }
+
+    fn on_grid(&self, grid: GraphGrid) -> Option<Arc<dyn Metric>> {
+        Some(graph::on_grid(self, grid))
+    }
+
+    fn coarser(&self, coarsening: usize) -> Option<Arc<dyn Metric>> {
+        graph::coarser(self, coarsening)
     }
 }
 
@@ -196,42 +219,35 @@ impl GraphMetric for TransportMetric {
         self.grid.unwrap_or_default()
     }
 
-    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn Metric> {
+    fn with_default_grid(&self, grid: GraphGrid) -> Arc<dyn GraphMetric> {
         Arc::new(Self { grid: self.grid.or(Some(grid)), ..self.clone() })
-    }
-
-    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
-        Ok(Arc::new(Self::named(name)?))
     }
 
     fn gamma(&self) -> f64 {
         self.gamma
     }
 
-    fn prepare_table<'a>(
-        &'a self,
-        reference: Cow<'a, CosineTable>,
-    ) -> Result<Box<dyn PreparedTable + 'a>, MetricError> {
+    fn prepare_table(&self, reference: Arc<CosineTable>) -> Result<Box<dyn PreparedTable>, MetricError> {
         let channels = self.prepare_channels(&reference, "reference")?;
-        Ok(Box::new(PreparedTransport { metric: self, table: reference, channels }))
+        Ok(Box::new(PreparedTransport { metric: self.clone(), table: reference, channels }))
     }
 }
 
 /// The masses of the reference.
-struct PreparedTransport<'a> {
-    metric: &'a TransportMetric,
-    table: Cow<'a, CosineTable>,
+struct PreparedTransport {
+    metric: TransportMetric,
+    table: Arc<CosineTable>,
     channels: [PreparedChannel; 3],
 }
 
-impl PreparedTransport<'_> {
+impl PreparedTransport {
     fn candidate(&self, candidate: &CosineTable) -> Result<[PreparedChannel; 3], MetricError> {
         self.table.common_cells(candidate, &self.metric.name)?;
         self.metric.prepare_channels(candidate, "candidate")
     }
 }
 
-impl PreparedTable for PreparedTransport<'_> {
+impl PreparedTable for PreparedTransport {
     fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
         self.metric.between(&self.channels, &self.candidate(candidate)?)
     }

@@ -5,8 +5,6 @@ use crate::dataset::Study;
 use crate::evaluation::protocol::{AblationCase, Bench, Contender, Protocol, Source};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, MetricKind};
 use crate::samples::Samples;
-use crate::samples::extraction::LP_FAMILY;
-use crate::samples::graph_distances::{ENERGY_FAMILY, TRANSPORT_FAMILY};
 use crate::train::embedding_folds::EmbeddedFolds;
 use crate::train::kernel::KernelRidge;
 use crate::train::linear::ElasticNet;
@@ -17,8 +15,11 @@ use crate::train::{Trainer, recipe};
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::descriptor::Column;
 use vernis_metric::descriptor::Family;
+use vernis_metric::metric::kernel::FAMILY as ENERGY_FAMILY;
 use vernis_metric::metric::learned::exported::Interval;
+use vernis_metric::metric::lp::FAMILY as LP_FAMILY;
 use vernis_metric::metric::lp::LpVariant;
+use vernis_metric::metric::transport::FAMILY as TRANSPORT_FAMILY;
 
 /// Method families of manifold-like and non-parametric candidates, which sit so close to the reference that rating them
 /// is easy: the second set of rows leaves them out.

@@ -1,0 +1,30 @@
+//! The way to the minima of metrics with rough landscapes.
+//!
+//! Learned metrics have such landscapes: they were trained on few pairs, and a search from afar ends in the next hollow. The
+//! cure is to start from a fit under the logarithm and to let the learned metric in by degrees,
+//!
+//!   blend_t = (1 - t) s log + t learned,   s = learned/log at the start, so that both count the same.
+
+use super::Loss;
+use crate::brdf::models::AnalyticBrdf;
+use crate::metric::MetricError;
+
+/// (1 - t) s a + t b.
+pub struct Blend<'a> {
+    pub a: &'a dyn Loss,
+    pub b: &'a dyn Loss,
+    /// s.
+    pub scale: f64,
+    /// Between 0 and 1.
+    pub t: f64,
+}
+
+impl Loss for Blend<'_> {
+    fn name(&self) -> &str {
+        self.b.name()
+    }
+
+    fn value(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError> {
+        Ok((1.0 - self.t) * self.scale * self.a.value(candidate)? + self.t * self.b.value(candidate)?)
+    }
+}

@@ -1,0 +1,25 @@
+//! Lights and shape of the descriptors, as options.
+
+use clap::Args;
+use std::path::PathBuf;
+use vernis_metric::descriptor::{DescriptorOptions, Lights, ShapeChoice};
+
+/// Under which light and on which shape BRDFs are looked at.
+#[derive(Args)]
+pub struct View {
+    /// A light probe (latitude/longitude, Radiance .hdr) instead of the lights defined by code.
+    #[arg(long, value_name = "HDR")]
+    lights: Option<PathBuf>,
+    /// A mesh (ASCII .ply) whose normals weight the pictures instead of the sphere's.
+    #[arg(long, value_name = "PLY")]
+    shape: Option<PathBuf>,
+}
+
+impl View {
+    pub fn options(&self) -> DescriptorOptions {
+        DescriptorOptions {
+            lights: self.lights.clone().map_or(Lights::default(), Lights::Probe),
+            shape: self.shape.clone().map_or(ShapeChoice::default(), ShapeChoice::Mesh),
+        }
+    }
+}

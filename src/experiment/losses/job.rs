@@ -1,0 +1,138 @@
+//! The whole experiment on losses: metrics that have not seen the references, fits, judges, and what follows.
+
+use super::Loss;
+use super::record::LossesRecord;
+use super::run::{Experiment, Probe, Settings, materials};
+use super::unseen::UnseenTraining;
+use crate::dataset::Study;
+use crate::experiment::ExperimentError;
+use crate::train::recipe;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use vernis_metric::descriptor::{Cache, DescriptorOptions, Lights, Setup, ShapeChoice};
+use vernis_metric::io::{Observer, Progress, write_atomically};
+use vernis_metric::metric::graph::GraphGrid;
+
+/// The study's light probes.
+const PROBES: [(&str, &str); 2] =
+    [("grace", "envmaps/grace_probe_latlong.hdr"), ("uffizi", "envmaps/uffizi_spica.hdr")];
+/// The models that are fitted.
+const MODELS: [&str; 3] = ["ggx", "ward-duer", "blinn-phong"];
+
+/// What is asked, and how.
+#[derive(Debug, Clone)]
+pub struct LossesOptions {
+    /// Folder that relative sources are looked up in, and that holds the study's two light probes.
+    pub data: Option<PathBuf>,
+    pub cache: Option<Cache>,
+    /// Where metrics and fits are kept as files; an experiment that was interrupted goes on from there.
+    pub folder: PathBuf,
+    /// How many references, one of each group of sisters.
+    pub materials: usize,
+    /// Cells of an Lp metric to a cell of its search, along each axis.
+    pub coarsening: usize,
+    /// Cells that transport and the energy distance compare.
+    pub graph_grid: GraphGrid,
+    /// Evaluations of a search under a learned metric, and of one under transport.
+    pub max_evaluations: usize,
+    /// Folds by material for the learned metrics.
+    pub folds: usize,
+    /// Bootstrap resamples of materials.
+    pub resamples: usize,
+    /// Of the order of materials, folds, training and resamples.
+    pub seed: u64,
+    /// Without it, only the materials that are finished already are judged.
+    pub compute: bool,
+}
+
+impl LossesOptions {
+    fn settings(&self) -> Settings {
+        let grid = self.graph_grid;
+        Settings {
+            models: MODELS.map(str::to_owned).to_vec(),
+            losses: Loss::ALL.to_vec(),
+            coarsening: self.coarsening,
+            max_evaluations: self.max_evaluations,
+            transport: format!("ot[grid={grid},kappa=4]"),
+            energy: format!("energy[grid={grid}]"),
+            seed: self.seed,
+            folds: self.folds,
+        }
+    }
+}
+
+/// The experiment's findings.
+#[derive(Debug, Clone)]
+pub struct Found {
+    pub record: LossesRecord,
+    /// Kept fits that were damaged or changed and were made again, and what could not be kept.
+    pub warnings: Vec<String>,
+}
+
+/// Fits GGX, Ward and Blinn-Phong to references of `study` under every [`Loss`], and judges the fits by metrics that were not the
+/// loss.
+///
+/// # Errors
+/// A study that is too small for the folds, probes that are missing, BRDFs that cannot be read, a fit or a training that fails,
+/// files that cannot be written.
+pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) -> Result<Found, ExperimentError> {
+    study.validate(options.folds).map_err(Box::new)?;
+    let (settings, probes) = (options.settings(), probes(options.data.as_deref())?);
+    let [fits, metrics] = ["fits", "metrics"].map(|name| options.folder.join(name));
+    for folder in [&fits, &metrics] {
+        fs::create_dir_all(folder).map_err(|e| unwritable(folder, &e))?;
+    }
+    let keep = |folder: &Path, name: &str, text: &str| {
+        let path = folder.join(name);
+        write_atomically(&path, text.as_bytes()).map_err(|e| unwritable(&path, &e))
+    };
+    progress("picture operators", Progress::BEGUN);
+    let cache = options.cache.as_ref();
+    let unkept = cache.iter().flat_map(|c| probes.iter().filter_map(|p| c.prepare(&p.setup)));
+    let warnings = Mutex::new(unkept.map(|warning| warning.to_string()).collect::<Vec<_>>());
+    let unseen = UnseenTraining {
+        study,
+        base: options.data.as_deref(),
+        cache,
+        trainer: &recipe::metric(),
+        folds: options.folds,
+        seed: options.seed,
+        folder: &metrics,
+        write: &|name, text| keep(&metrics, name, text),
+        progress,
+    }
+    .run()?;
+    let experiment = Experiment {
+        study,
+        settings: &settings,
+        unseen: &unseen,
+        probes: &probes,
+        base: options.data.as_deref(),
+        folder: &fits,
+        write: &|name, text| keep(&fits, name, text),
+        progress: &|p| progress("fits", p),
+        warn: &|warning| {
+            if let Ok(mut warnings) = warnings.lock() {
+                warnings.push(warning.to_owned());
+            }
+        },
+    };
+    let records = experiment.run(&materials(study, options.materials, options.seed), !options.compute)?;
+    let record = LossesRecord::new(study, &settings, &records, options.resamples)?;
+    Ok(Found { record, warnings: warnings.into_inner().unwrap_or_default() })
+}
+
+/// The two light probes, which belong to the data folder.
+fn probes(data: Option<&Path>) -> Result<Vec<Probe>, ExperimentError> {
+    let probe = |(name, path): (&str, &str)| {
+        let path = data.map_or_else(|| PathBuf::from(path), |data| data.join(path));
+        let options = DescriptorOptions { lights: Lights::Probe(path), shape: ShapeChoice::Sphere };
+        Ok(Probe { name: name.to_owned(), setup: Setup::new(&options).map_err(Box::new)? })
+    };
+    PROBES.into_iter().map(probe).collect()
+}
+
+fn unwritable(path: &Path, cause: &std::io::Error) -> ExperimentError {
+    ExperimentError::Write { reason: format!("{}: {cause}", path.display()) }
+}

@@ -1,0 +1,386 @@
+//! The main job: a study becomes a metric, with a leakage-free measurement of how well it agrees with people.
+//!
+//! ```text
+//! study -> numbers (descriptors and distances, cached) -> nested cross-validation by material, beside every other metric
+//!       -> final metric on all rows -> exported metric and benchmark record
+//! ```
+//!
+//! [`train`] does it all. [`Measurement`] is the job cut in two: [`Measurement::of`] measures, which takes the time, and
+//! [`Measurement::export`] trains the final metric, so that a caller can write the measurement down in between. [`benchmark`]
+//! measures alone. The same study, options and seed give the same bytes, whatever the number of threads.
+
+use super::ExperimentError;
+use super::contenders::{RunInfo, StudyBenchmark, protocol, run};
+use crate::dataset::{Study, manifest};
+use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
+use crate::samples::Samples;
+use crate::samples::extracted::ExtractedStudy;
+use crate::samples::extraction::{Extraction, Extractor};
+use crate::samples::split::TrainingSet;
+use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
+use crate::train::ensemble::bootstrap_members;
+use crate::train::export::{Export, provenance};
+use crate::train::{Trainer, recipe};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use vernis_metric::brdf::BrdfSource;
+use vernis_metric::brdf::formats::materials;
+use vernis_metric::descriptor::{Cache, CacheWarning, DescriptorOptions, DescriptorSet, Setup, VERSION};
+use vernis_metric::io::{Observer, Progress};
+use vernis_metric::metric::Metric;
+use vernis_metric::metric::learned::ExportedMetric;
+use vernis_metric::metric::learned::exported::{Descriptors, Reached};
+use vernis_metric::metric::lp::LpVariant;
+use vernis_metric::metric::registry::Registry;
+
+/// Archives of measured materials that nobody rated, from which embeddings may be learned.
+const UNRATED: [&str; 2] = ["nbrdf/rgl-isotropic_nbrdf.zip", "nbrdf/nielsen_nbrdf.zip"];
+/// Bootstrap resamples where nothing else is asked for.
+pub const RESAMPLES: usize = 2000;
+
+/// How a study is measured.
+#[derive(Debug, Clone)]
+pub struct BenchmarkOptions {
+    /// Folder that relative sources are looked up in, and that may hold measured materials without ratings.
+    pub data: Option<PathBuf>,
+    /// Without a cache everything is computed.
+    pub cache: Option<Cache>,
+    /// Lights and shape of the descriptors.
+    pub descriptors: DescriptorOptions,
+    /// Folds by material; `None`: 10, or 5 for the embedded study.
+    pub folds: Option<usize>,
+    /// Bootstrap resamples of materials.
+    pub resamples: usize,
+    /// Of splits, resamples and initial weights.
+    pub seed: u64,
+}
+
+impl Default for BenchmarkOptions {
+    fn default() -> Self {
+        Self {
+            data: None,
+            cache: None,
+            descriptors: DescriptorOptions::default(),
+            folds: None,
+            resamples: RESAMPLES,
+            seed: 1,
+        }
+    }
+}
+
+/// How a metric is trained.
+#[derive(Debug, Clone, Default)]
+pub struct TrainOptions {
+    /// Of the exported metric; `None`: `vernis` for the open study, else `vernis-STUDY`.
+    pub name: Option<String>,
+    pub benchmark: BenchmarkOptions,
+}
+
+/// What training gives.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    pub metric: ExportedMetric,
+    pub benchmark: BenchmarkRecord,
+    /// What could not be kept for the next run.
+    pub warnings: Vec<CacheWarning>,
+}
+
+/// Trains a metric on all rows of a study and measures it under nested cross-validation.
+///
+/// ```no_run
+/// use vernis::dataset::Study;
+/// use vernis::experiment::{TrainOptions, train};
+/// use vernis::io::silent;
+///
+/// let study = Study::load("synthetic", None)?;
+/// let trained = train(&study, &TrainOptions::default(), &silent)?;
+/// std::fs::write("mine.vernis.json", trained.metric.to_json()?)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A study that cannot be judged with so many folds, BRDFs that cannot be read, probes and meshes that cannot; training that fails.
+pub fn train(study: &Study, options: &TrainOptions, progress: Observer<'_>) -> Result<Trained, ExperimentError> {
+    let measurement = Measurement::of(study, &options.benchmark, Purpose::Train, progress)?;
+    let metric = measurement.export(options.name.as_deref(), progress)?;
+    Ok(Trained { metric, benchmark: measurement.record().clone(), warnings: measurement.warnings })
+}
+
+/// Measures all metrics on a study under nested cross-validation, without exporting one.
+///
+/// # Errors
+/// As [`train`].
+pub fn benchmark(
+    study: &Study,
+    options: &BenchmarkOptions,
+    progress: Observer<'_>,
+) -> Result<BenchmarkRecord, ExperimentError> {
+    Ok(Measurement::of(study, options, Purpose::Benchmark, progress)?.bench.record)
+}
+
+/// What a measurement is for: the command that its record names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    Train,
+    Benchmark,
+}
+
+impl Purpose {
+    fn command(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Benchmark => "benchmark",
+        }
+    }
+}
+
+/// A study that has been measured, and what the final metric is trained on.
+pub struct Measurement {
+    study: Study,
+    setup: String,
+    bench: StudyBenchmark,
+    /// The descriptors of every row.
+    training: TrainingSet,
+    seed: u64,
+    /// What could not be kept for the next run.
+    pub warnings: Vec<CacheWarning>,
+}
+
+/// A study as numbers.
+struct Numbers<'a> {
+    study: &'a Study,
+    samples: Samples,
+    setup: String,
+    /// What embeddings are learned from, where the BRDFs were read.
+    bank: Option<TableBank>,
+}
+
+impl Measurement {
+    /// Measures every metric on `study`.
+    ///
+    /// # Errors
+    /// As [`train`].
+    pub fn of(
+        study: &Study,
+        options: &BenchmarkOptions,
+        purpose: Purpose,
+        progress: Observer<'_>,
+    ) -> Result<Self, ExperimentError> {
+        study.validate(folds_of(options, study)).map_err(Box::new)?;
+        let setup = Setup::new(&options.descriptors).map_err(Box::new)?;
+        let extraction = extract(study, &setup, options.data.as_deref(), options.cache.as_ref(), progress)?;
+        let others = if study.synthetic { Vec::new() } else { unrated(options.data.as_deref())? };
+        let (data, cache) = (options.data.as_deref(), options.cache.as_ref());
+        let bank = TableBank::new(study, extraction.tables, &others, data, cache, &setup).map_err(Box::new)?;
+        let setup = setup.id().to_owned();
+        let numbers = Numbers { study, samples: extraction.samples, setup, bank: Some(bank) };
+        let source = format!("--study {}", file_name(study));
+        Self::measure(numbers, options, purpose, &source, extraction.warnings, progress)
+    }
+
+    /// Measures every metric on a study whose numbers were extracted before. Embeddings, which are learned from BRDFs, take no
+    /// part.
+    ///
+    /// # Errors
+    /// A shard of a study, numbers of other versions than this program computes, and those of [`train`].
+    pub fn of_extracted(
+        extracted: &ExtractedStudy,
+        options: &BenchmarkOptions,
+        purpose: Purpose,
+        progress: Observer<'_>,
+    ) -> Result<Self, ExperimentError> {
+        let study = &extracted.study;
+        study.validate(folds_of(options, study)).map_err(Box::new)?;
+        extracted.check_whole(&study.name).map_err(Box::new)?;
+        extracted.check_versions(&metrics(study)?, &study.name).map_err(Box::new)?;
+        let (samples, setup) = (extracted.samples.clone(), extracted.versions.setup.clone());
+        let source = format!("--extracted {}.parquet", study.short_name());
+        Self::measure(Numbers { study, samples, setup, bank: None }, options, purpose, &source, Vec::new(), progress)
+    }
+
+    fn measure(
+        numbers: Numbers<'_>,
+        options: &BenchmarkOptions,
+        purpose: Purpose,
+        source: &str,
+        warnings: Vec<CacheWarning>,
+        progress: Observer<'_>,
+    ) -> Result<Self, ExperimentError> {
+        let Numbers { study, samples, setup, bank } = numbers;
+        progress("embeddings", Progress::BEGUN);
+        let compact = samples.select_columns(recipe::uses);
+        let protocol = protocol(study, folds_of(options, study), options.resamples, options.seed);
+        let learn = |(bank, learner): (&TableBank, Learner)| {
+            let folds = [protocol.folds, protocol.method_folds];
+            Ok((learner.name(), embedded_folds(bank, &compact, learner, folds, options.seed)?))
+        };
+        let banks = bank.iter().flat_map(|bank| Learner::ALL.map(|learner| (bank, learner)));
+        let embedded = banks.map(learn).collect::<Result<Vec<_>, ExperimentError>>()?;
+        let mut versions = versions(&setup);
+        if bank.is_none() {
+            versions.insert("embeddings".into(), "left out, for they are learned from BRDFs".into());
+        }
+        let info = RunInfo { command: command_line(purpose, source, study, options, &setup), versions };
+        let bench = run(study, &samples, embedded, &protocol, &info, &|label| progress(label, Progress::BEGUN))?;
+        Ok(Self {
+            study: study.clone(),
+            setup,
+            bench,
+            training: TrainingSet::whole(&compact),
+            seed: options.seed,
+            warnings,
+        })
+    }
+
+    /// What was found.
+    pub fn record(&self) -> &BenchmarkRecord {
+        &self.bench.record
+    }
+
+    /// The study that was measured.
+    pub fn study(&self) -> &Study {
+        &self.study
+    }
+
+    /// Trains the metric on every row, with members on resampled materials. Without a name it is `vernis` for the open study, else
+    /// `vernis-STUDY`.
+    ///
+    /// # Errors
+    /// Training that fails.
+    pub fn export(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
+        progress("final metric", Progress::BEGUN);
+        let default = match self.study.name.as_str() {
+            manifest::OPEN => recipe::NAME.to_owned(),
+            _ => format!("{}-{}", recipe::NAME, self.study.short_name()),
+        };
+        let trainer = recipe::metric();
+        let model = trainer.train(&self.training, self.seed).map_err(Box::new)?;
+        let members =
+            bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed).map_err(Box::new)?;
+        let record = &self.bench.record;
+        let command = record.command.clone();
+        let export = Export {
+            name: name.unwrap_or(&default),
+            metric_version: recipe::METRIC_VERSION,
+            descriptors: Descriptors { setup: self.setup.clone(), set: DescriptorSet::extended() },
+            interval: self.bench.interval,
+            provenance: provenance(&self.study, record.rows, record.materials, self.seed, command, reached(record)),
+        };
+        Ok(export.of(trainer.name(), &*model, &members)?)
+    }
+}
+
+/// Descriptors and distances of every pair of a study, computed where the cache lacks them.
+///
+/// # Errors
+/// The first BRDF that cannot be read, or compared.
+pub fn extract(
+    study: &Study,
+    setup: &Setup,
+    base: Option<&Path>,
+    cache: Option<&Cache>,
+    progress: Observer<'_>,
+) -> Result<Extraction, ExperimentError> {
+    progress("picture operators", Progress::BEGUN);
+    let warning = cache.and_then(|c| c.prepare(setup));
+    let (set, metrics) = (DescriptorSet::all(), metrics(study)?);
+    let pairs = |p| progress("pairs", p);
+    let extractor = Extractor { set: &set, setup, metrics: &metrics, base, cache, progress: &pairs };
+    let mut extraction = extractor.extract(study).map_err(Box::new)?;
+    extraction.warnings.extend(warning);
+    Ok(extraction)
+}
+
+/// The classical metrics that take part: the 36 Lp metrics, the transport and the energy distance. The embedded study is there
+/// to be quick: a coarser grid.
+///
+/// # Errors
+/// The metric that comes with this build cannot be read.
+pub fn metrics(study: &Study) -> Result<Vec<Arc<dyn Metric>>, ExperimentError> {
+    let named = |name: &str| {
+        let name = name.to_owned();
+        move |source| ExperimentError::MetricNamed { name, source: Box::new(source) }
+    };
+    let registry = Registry::standard().map_err(named("the registry"))?;
+    let graphs = if study.synthetic { ["ot[grid=6x6x24,kappa=4]", "energy[grid=6x6x24]"] } else { ["ot", "energy"] };
+    let lp = LpVariant::of_study().map(|variant| variant.to_string());
+    lp.chain(graphs.map(str::to_owned)).map(|name| registry.get(&name).map_err(named(&name))).collect()
+}
+
+/// The embedded study is there to show the whole job on any machine, in a minute or two.
+fn default_folds(study: &Study) -> usize {
+    if study.synthetic { 5 } else { 10 }
+}
+
+/// Folds by material of a measurement.
+pub fn folds_of(options: &BenchmarkOptions, study: &Study) -> usize {
+    options.folds.unwrap_or_else(|| default_folds(study))
+}
+
+/// Measured materials without ratings that the data folder holds.
+fn unrated(data: Option<&Path>) -> Result<Vec<BrdfSource>, ExperimentError> {
+    let mut found = Vec::new();
+    for archive in data.into_iter().flat_map(|data| UNRATED.map(|a| data.join(a))).filter(|path| path.is_file()) {
+        for material in materials(&archive)? {
+            found.push(BrdfSource::Notation(format!("{}:{material}", archive.display())));
+        }
+    }
+    Ok(found)
+}
+
+fn file_name(study: &Study) -> String {
+    Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// What to type for the same bytes: without folders, which do not matter.
+fn command_line(purpose: Purpose, source: &str, study: &Study, options: &BenchmarkOptions, setup: &str) -> String {
+    let mut line = format!("vernis {} {source} --seed {}", purpose.command(), options.seed);
+    let folds = (folds_of(options, study), default_folds(study));
+    for (flag, (value, default)) in [("folds", folds), ("resamples", (options.resamples, RESAMPLES))] {
+        if value != default {
+            line += &format!(" --{flag} {value}");
+        }
+    }
+    if options.descriptors != DescriptorOptions::default() {
+        line += &format!(" ({setup})");
+    }
+    line
+}
+
+fn versions(setup: &str) -> BTreeMap<String, String> {
+    [
+        ("vernis", env!("CARGO_PKG_VERSION").to_owned()),
+        ("descriptors", format!("{VERSION} ({setup})")),
+        ("metric", recipe::METRIC_VERSION.to_owned()),
+    ]
+    .map(|(name, version)| (name.to_owned(), version))
+    .into()
+}
+
+/// The headline figures of the learned metric.
+fn reached(record: &BenchmarkRecord) -> Vec<Reached> {
+    let Some(metric) = record.metric(recipe::NAME) else { return Vec::new() };
+    let aside = format!("unseen material, without {}", record.set_aside.join(", "));
+    let mut found = Vec::new();
+    for (split, row_set, rows) in [
+        (Split::UnseenMaterial, RowSet::All, "unseen material"),
+        (Split::UnseenMaterial, RowSet::WithoutSetAside, aside.as_str()),
+        (Split::UnseenMaterialAndMethod, RowSet::All, "unseen material and method"),
+    ] {
+        let Some(judgement) = metric.judgement(split, row_set) else { continue };
+        let (agreement, intervals) = (&judgement.agreement, &judgement.intervals);
+        for (measure, value, interval) in
+            [("plcc", agreement.plcc, intervals.plcc), ("srocc", agreement.srocc, intervals.srocc)]
+        {
+            found.push(Reached {
+                measure: measure.to_owned(),
+                rows: rows.to_owned(),
+                value,
+                low: interval.low,
+                high: interval.high,
+            });
+        }
+    }
+    found
+}

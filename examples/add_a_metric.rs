@@ -29,17 +29,22 @@ impl Metric for HeadOn {
         "head-on"
     }
 
+    /// To be raised whenever a distance changes.
+    fn version(&self) -> &str {
+        "1"
+    }
+
     fn properties(&self) -> Properties {
         Properties {
             unit: "ln",
             symmetric: true,
-            usable_as_loss: false,
             summary: "log luminance ratio with light and viewer along the normal".to_owned(),
             source: "an example",
+            ..Properties::default()
         }
     }
 
-    fn prepare<'a>(&'a self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric + 'a>, MetricError> {
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
         Ok(Box::new(Prepared(log_luminance(reference, "reference")?)))
     }
 }

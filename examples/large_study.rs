@@ -24,7 +24,7 @@ use vernis::dataset::Study;
 use vernis::descriptor::{DescriptorSet, Setup};
 use vernis::io::Progress;
 use vernis::metric::registry::Registry;
-use vernis::samples::extraction::MatrixBuilder;
+use vernis::samples::extraction::Extractor;
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -81,7 +81,8 @@ fn extract(folder: &Path) -> Result<()> {
     let study = Study::load(&folder.join("study.csv").to_string_lossy(), None)?;
     let bytes = tables(folder)?.iter().map(|path| Ok(fs::metadata(path)?.len() as usize)).sum::<Result<usize>>()?;
     let (set, setup, registry) = (DescriptorSet::all(), Setup::standard(), Registry::standard()?);
-    let graphs = ["ot", "energy"].map(|name| registry.get(name)).into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut metrics = registry.resolve("all-lp")?;
+    metrics.extend([registry.get("ot")?, registry.get("energy")?]);
     let shown = AtomicUsize::new(0);
     let progress = |p: Progress| {
         if p.done >= shown.load(Ordering::Relaxed) + 50 {
@@ -89,11 +90,11 @@ fn extract(folder: &Path) -> Result<()> {
             eprintln!("{} of {} pairs", p.done, p.total);
         }
     };
-    let builder =
-        MatrixBuilder { set: &set, setup: &setup, graphs: &graphs, base: None, cache: None, progress: &progress };
+    let extractor =
+        Extractor { set: &set, setup: &setup, metrics: &metrics, base: None, cache: None, progress: &progress };
     let started = Instant::now();
-    let matrix = builder.build(&study)?;
-    println!("{} pairs, {} columns", matrix.samples.len(), matrix.samples.columns().len());
+    let numbers = extractor.extract(&study)?;
+    println!("{} pairs, {} columns", numbers.samples.len(), numbers.samples.columns().len());
     report("extracted", bytes, started)
 }
 

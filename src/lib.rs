@@ -8,4 +8,4 @@ pub mod report;
 pub mod samples;
 pub mod train;
 
-pub use vernis_metric::{brdf, descriptor, fit, light, math, metric};
+pub use vernis_metric::{brdf, descriptor, fit, io, light, math, metric};

@@ -16,12 +16,12 @@ use vernis::brdf::{BrdfSource, ContentHash, Grid, TabulatedBrdf};
 use vernis::dataset::{Completeness, RatedPair, Study, StudyFile, synthetic};
 use vernis::descriptor::{Column, Role};
 use vernis::descriptor::{DescriptorSet, VERSION};
+use vernis::experiment::train::metrics;
 use vernis::math::seed;
-use vernis::metric::lp::{LpDistances, LpVariant};
+use vernis::metric::lp::LpDistances;
+use vernis::metric::registry::Registry;
 use vernis::samples::Samples;
 use vernis::samples::extracted::{ExtractedStudy, Versions};
-use vernis::samples::extraction::{LP_FAMILY, distance_versions};
-use vernis::samples::graph_distances::{ENERGY_FAMILY, TRANSPORT_FAMILY};
 use vernis::samples::shard::Shard;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
@@ -134,10 +134,12 @@ fn shards_are_merged_into_the_bytes_of_the_whole() {
 /// A study whose columns are those of the program, and whose numbers are made up to agree with its scores.
 fn made_up() -> ExtractedStudy {
     let mut columns = DescriptorSet::all().columns();
-    let distance = |name: String, family: &str| Column { name, family: family.to_owned(), role: Role::Difference };
-    columns.extend(LpVariant::of_study().map(|variant| distance(variant.to_string(), LP_FAMILY)));
-    columns.push(distance("ot".to_owned(), TRANSPORT_FAMILY));
-    columns.push(distance("energy".to_owned(), ENERGY_FAMILY));
+    let metrics = metrics(&small().study).unwrap();
+    columns.extend(metrics.iter().map(|metric| Column {
+        name: metric.name().to_owned(),
+        family: metric.properties().family.to_owned(),
+        role: Role::Difference,
+    }));
     let pair = |k: usize| RatedPair {
         reference: BrdfSource::Notation(format!("{}.binary", k / 5)),
         candidate: BrdfSource::Notation(format!("{k}.binary")),
@@ -161,7 +163,7 @@ fn made_up() -> ExtractedStudy {
         contents: (0..60).map(|k| [ContentHash::of(&[k / 5]), ContentHash::of(&[k, k])]).collect(),
         places: (0..60).collect(),
         whole: 60,
-        versions: Versions { setup: format!("v{VERSION}-lamps-sphere"), distances: distance_versions() },
+        versions: Versions::new(&format!("v{VERSION}-lamps-sphere"), &metrics),
         study: Study {
             name: "made-up".into(),
             completeness: Completeness { found: 60, known: 60 },
@@ -219,7 +221,7 @@ fn small() -> ExtractedStudy {
         shard: Shard::WHOLE,
         places: (0..4).collect(),
         whole: 4,
-        versions: Versions { setup: "v1-lamps-sphere".into(), distances: "lp 2".into() },
+        versions: Versions::new("v1-lamps-sphere", &[Registry::standard().unwrap().get("D9.Cl").unwrap()]),
         study: Study {
             name: "small".into(),
             synthetic: true,
@@ -290,7 +292,7 @@ fn what_is_no_set_of_shards_is_not_merged() {
     assert!(merge(&[first.clone(), first.clone()]).starts_with("1.parquet: found shard 1/2 again, as in 0.parquet"));
     assert!(merge(&[first.clone(), part("2/3")]).contains("1.parquet: found another number of shards"));
     let mut other = second.clone();
-    other.versions.distances = "lp 3".into();
+    other.versions.metrics.insert("D9.Cl".into(), "3".into());
     assert!(merge(&[first.clone(), other]).contains("1.parquet: found another version of the numbers"));
     let mut other = second.clone();
     other.study.files[0].content = ContentHash::of(b"other");

@@ -64,7 +64,7 @@ fn exported() -> ExportedMetric {
 }
 
 fn parse(text: &str) -> Result<ExportedMetric, ExportedError> {
-    ExportedMetric::parse(text, "m.vernis.json", &Setup::standard())
+    ExportedMetric::parse(text, "m.vernis.json")
 }
 
 #[test]
@@ -126,16 +126,23 @@ fn files_of_the_future_or_of_other_descriptors_are_refused() {
     let newer = tampered(|v| {
         v["format"] = (FORMAT + 1).into();
         v["something"] = "new".into();
+        v["provenance"]["crate_version"] = "9.9.9".into();
     });
     assert_eq!(
         newer.to_string(),
-        "m.vernis.json: format 2 is newer than this program, which reads up to 1; update vernis"
+        "m.vernis.json: format 2, written by vernis 9.9.9; this is vernis 0.1.0, which reads up to format 1: use vernis 9.9.9 \
+         or later"
     );
     let family = tampered(|v| v["descriptors"]["set"]["families"][0] = "holograms".into());
     assert!(matches!(family, ExportedError::UnknownFamily { .. }), "{family}");
     assert!(family.to_string().contains("`holograms` is unknown; known: lights, slot"), "{family}");
     let setup = tampered(|v| v["descriptors"]["setup"] = "v99".into());
-    assert!(matches!(setup, ExportedError::UnknownSetup { .. }), "{setup}");
+    assert!(
+        setup.to_string().contains("unknown descriptors `v99`; this program knows v1-lamps-sphere, and"),
+        "{setup}"
+    );
+    let setup = tampered(|v| v["descriptors"]["setup"] = "v99-lamps-sphere".into());
+    assert!(setup.to_string().ends_with("this program knows up to version 1: update vernis"), "{setup}");
     let fewer = tampered(|v| v["descriptors"]["set"]["families"] = serde_json::json!(["lights"]));
     assert!(matches!(fewer, ExportedError::Columns { index: 18, .. }), "{fewer}");
     let renamed = tampered(|v| v["regressor"]["inputs"][2]["name"] = "lights.other".into());

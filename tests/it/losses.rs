@@ -125,6 +125,7 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
             folder: kept.folder,
             write: &|name, text| kept.write(name, text),
             progress: &|_| (),
+            warn: &|warning| panic!("{warning}"),
         };
         experiment.run(two, only_kept).expect("fits")
     };

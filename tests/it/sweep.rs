@@ -14,7 +14,7 @@ use vernis::experiment::sweep::{
     Combination, CombinationRecord, Family, Outcome, PairOutcome, Setting, StudyTables, SweepProtocol, compute, groups,
     judge,
 };
-use vernis::metric::registry::Registry;
+use vernis::io::SealError;
 
 #[test]
 fn a_sweep_records_what_it_found_and_takes_it_up_again() {
@@ -22,7 +22,6 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
     let grid = "3x3x8".parse().unwrap();
     let tables = StudyTables::of(&study, grid, None, usize::MAX, &|_, _| {}).unwrap();
     let without_memory = StudyTables::of(&study, grid, None, 0, &|_, _| {}).unwrap();
-    let registry = Registry::standard().unwrap();
     let setting = Setting::new("3x3x8", "standard", &study);
     let all = Combination::of_study();
     let pick = |name: &str| *all.iter().find(|c| c.to_string() == name).unwrap();
@@ -35,27 +34,33 @@ fn a_sweep_records_what_it_found_and_takes_it_up_again() {
     let mut outcomes = Vec::new();
     for combination in combinations {
         let outcome_on = |tables: &StudyTables| {
-            let found = compute(&[combination], &setting, &registry, tables, &BTreeMap::new(), &forget);
+            let found = compute(&[combination], &setting, tables, &BTreeMap::new(), &forget);
             found.unwrap().remove(0)
         };
         let outcome = outcome_on(&tables);
         assert_eq!(outcome, outcome_on(&without_memory));
         let record = CombinationRecord::new(&combination, &setting, outcome.clone());
-        let bytes = serde_json::to_vec(&record).unwrap();
+        let bytes = vernis::io::seal(&record).unwrap().into_bytes();
         let pairs = study.pairs.len();
         let read = |bytes: &[u8], of: &Combination, setting: &Setting, pairs| {
             CombinationRecord::outcome_of(bytes, of, setting, pairs)
         };
-        assert_eq!(read(&bytes, &combination, &setting, pairs), Some(outcome.clone()));
-        // Half a file, another study, grid, accuracy, combination, another number of pairs: computed again.
-        assert_eq!(read(&bytes[..bytes.len() / 2], &combination, &setting, pairs), None);
+        assert_eq!(read(&bytes, &combination, &setting, pairs), Ok(Some(outcome.clone())));
+        // Another study, grid, accuracy, combination, version, another number of pairs: computed again. So are half a file and one
+        // that was changed, which are named.
+        assert!(matches!(read(&bytes[..bytes.len() / 2], &combination, &setting, pairs), Err(SealError::Malformed(_))));
+        let changed = String::from_utf8(bytes.clone()).unwrap().replacen(&record.metric, "another metric", 1);
+        assert_eq!(read(changed.as_bytes(), &combination, &setting, pairs), Err(SealError::Broken));
+        let older = CombinationRecord { version: "0".to_owned(), ..record.clone() };
+        let older = vernis::io::seal(&older).unwrap();
+        assert_eq!(read(older.as_bytes(), &combination, &setting, pairs), Ok(None));
         let whole = Study::load(synthetic::NAME, None).unwrap();
         let fewer = Study { pairs: whole.pairs[1..].to_vec(), ..whole };
         for other in [("3x3x8", "standard", &fewer), ("3x3x9", "standard", &study), ("3x3x8", "fast", &study)] {
-            assert_eq!(read(&bytes, &combination, &Setting::new(other.0, other.1, other.2), pairs), None);
+            assert_eq!(read(&bytes, &combination, &Setting::new(other.0, other.1, other.2), pairs), Ok(None));
         }
-        assert_eq!(read(&bytes, &all[77], &setting, pairs), None);
-        assert_eq!(read(&bytes, &combination, &setting, pairs + 1), None);
+        assert_eq!(read(&bytes, &all[77], &setting, pairs), Ok(None));
+        assert_eq!(read(&bytes, &combination, &setting, pairs + 1), Ok(None));
         outcomes.push((combination, outcome));
     }
     let refused = [(all[0], "a test"), (all[2], "another"), (all[3], "a test"), (all[5], "a test")];
@@ -87,7 +92,6 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
     // Fine enough for the quantised method at coarse accuracy.
     let setting = Setting::new("9x9x36", "coarse", &study);
     let tables = StudyTables::of(&study, "9x9x36".parse().unwrap(), None, usize::MAX, &|_, _| {}).unwrap();
-    let registry = Registry::standard().unwrap();
     let chosen = |c: &&Combination| {
         c.to_string().starts_with("ot[p=2,alpha=0.05,blur=0.1,") && c.to_string().ends_with("phi=t]")
     };
@@ -98,9 +102,9 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
         seen.lock().unwrap().insert(index, found.clone());
         Ok(())
     };
-    let together = compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &keep).unwrap();
+    let together = compute(&group, &setting, &tables, &BTreeMap::new(), &keep).unwrap();
     for (combination, expected) in group.iter().zip(&together) {
-        let alone = compute(&[*combination], &setting, &registry, &tables, &BTreeMap::new(), &forget).unwrap();
+        let alone = compute(&[*combination], &setting, &tables, &BTreeMap::new(), &forget).unwrap();
         assert_eq!(alone[0], *expected);
     }
     // Half of the pairs known: the same, and only the others are computed.
@@ -113,11 +117,11 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
         *again.lock().unwrap() += 1;
         Ok(())
     };
-    assert_eq!(compute(&group, &setting, &registry, &tables, &known, &count).unwrap(), together);
+    assert_eq!(compute(&group, &setting, &tables, &known, &count).unwrap(), together);
     assert_eq!(*again.lock().unwrap(), study.pairs.len() / 2);
     // What the caller cannot keep ends the work.
     let full = |_: usize, _: &PairOutcome| Err(ExperimentError::Write { reason: "the disk is full".to_owned() });
-    assert!(compute(&group, &setting, &registry, &tables, &BTreeMap::new(), &full).is_err());
+    assert!(compute(&group, &setting, &tables, &BTreeMap::new(), &full).is_err());
 }
 
 /// Every candidate of a dozen materials.

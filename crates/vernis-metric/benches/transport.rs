@@ -13,14 +13,14 @@ mod transport_pairs;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
 use transport_golden::GOLDEN;
 use transport_pairs::{Model, Point};
 use vernis_metric::brdf::models::Ggx;
-use vernis_metric::metric::graph::{CosineTable, GraphGrid};
-use vernis_metric::metric::registry::Registry;
+use vernis_metric::metric::graph::{CosineTable, GraphGrid, GraphMetric};
+use vernis_metric::metric::kernel::KernelMetric;
 use vernis_metric::metric::transport::{
     Accuracy, GroundCost, PreparedChannel, SinkhornParameters, divergence, divergence_and_gradient,
 };
@@ -109,13 +109,11 @@ fn energy(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("energy, three channels");
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));
     let metal = |alpha| Ggx { kd: [0.01; 3], f0: [0.95, 0.64, 0.54], alpha };
-    let registry = Registry::standard().expect("a registry");
     for size in ["9x9x36", "45x45x180", "90x90x360"] {
-        let metric = registry.get(&format!("energy[grid={size}]")).expect("a metric");
-        let graph = metric.as_graph().expect("a metric on graphs");
+        let graph = KernelMetric::named(&format!("energy[grid={size}]")).expect("a metric");
         let table = |alpha| CosineTable::of(&metal(alpha), graph.grid(), "a metal").expect("a table");
         let (reference, candidate) = (table(0.02f64.sqrt()), table(0.03f64.sqrt()));
-        let prepared = graph.prepare_table(Cow::Owned(reference)).expect("valid");
+        let prepared = graph.prepare_table(Arc::new(reference)).expect("valid");
         group.bench_function(size, |bencher| {
             bencher.iter(|| black_box(prepared.channels(&candidate).expect("divergences")));
         });

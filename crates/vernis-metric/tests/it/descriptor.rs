@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::models::Ggx;
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use vernis_metric::descriptor::Role;
 use vernis_metric::descriptor::{
-    BrdfFeatures, Cache, DescriptorError, DescriptorOptions, DescriptorSet, Extractor, Lights, Setup, ShapeChoice,
-    compact,
+    BrdfFeatures, Cache, CacheWarning, DescriptorError, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice,
+    compact, features,
 };
 use vernis_metric::light::LightError;
 use vernis_metric::math::{Rgb, Vec3};
@@ -35,8 +34,24 @@ fn generated(alpha: f64) -> BrdfSource {
     })
 }
 
-fn extractor<'a>(set: &'a DescriptorSet, setup: &'a Setup, cache: Option<&'a Cache>) -> Extractor<'a> {
-    Extractor { set, setup, base: None, cache, progress: &|_| {} }
+/// The descriptors of each pair, and what could not be kept.
+type Extracted = (Vec<Vec<f64>>, Vec<CacheWarning>);
+
+fn extract(
+    set: &DescriptorSet,
+    setup: &Setup,
+    cache: Option<&Cache>,
+    pairs: &[(BrdfSource, BrdfSource)],
+) -> Result<Extracted, DescriptorError> {
+    let mut warnings = Vec::new();
+    let mut of = |source: &BrdfSource| {
+        let (features, warning) = features(&source.identify(None)?, setup, cache)?;
+        warnings.extend(warning);
+        Ok::<_, DescriptorError>(features)
+    };
+    let compare = |(r, c): &(BrdfSource, BrdfSource)| Ok(set.compare(&of(r)?, &of(c)?, setup));
+    let values = pairs.iter().map(compare).collect::<Result<_, DescriptorError>>()?;
+    Ok((values, warnings))
 }
 
 /// The notation of a candidate of the open study: ABC with the one refractive index that the ratings suggest, Ward in
@@ -191,8 +206,8 @@ fn threads_and_the_cache_change_no_byte() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let setup = Setup::new(&options).unwrap();
         assert_eq!(pool.install(|| cache.prepare(&setup)), None);
-        let values = pool.install(|| extractor(&set, &setup, None).extract(&pairs).unwrap().values);
-        let bits: Vec<u64> = values.iter().map(|v| v.to_bits()).collect();
+        let values = pool.install(|| extract(&set, &setup, None, &pairs).unwrap().0);
+        let bits: Vec<u64> = values.iter().flatten().map(|v| v.to_bits()).collect();
         (bits, std::fs::read(&file).unwrap())
     };
     let first = run(1);
@@ -231,9 +246,9 @@ fn a_damaged_or_foreign_cache_file_is_computed_again() {
     let folder = tempfile::tempdir().unwrap();
     let cache = Cache::open(folder.path()).unwrap();
     let pairs = [(generated(0.1), generated(0.2))];
-    let run = || extractor(&set, &setup, Some(&cache)).extract(&pairs).unwrap();
+    let run = || extract(&set, &setup, Some(&cache), &pairs).unwrap();
     let first = run();
-    assert!(first.warnings.is_empty());
+    assert!(first.1.is_empty());
     let content = ContentHash::of(b"ggx 0.1");
     let path = cache.path(content, &setup);
     let whole = std::fs::read(&path).unwrap();
@@ -243,11 +258,11 @@ fn a_damaged_or_foreign_cache_file_is_computed_again() {
     for damaged in [&whole[..whole.len() - 1], &whole[..20], &[], &flipped, &other, b"something else entirely"] {
         std::fs::write(&path, damaged).unwrap();
         assert!(cache.load(content, &setup).is_none());
-        assert_eq!(run().values, first.values);
+        assert_eq!(run().0, first.0);
         assert_eq!(std::fs::read(&path).unwrap(), whole, "the file was not replaced");
     }
     let leftovers = std::fs::read_dir(folder.path()).unwrap().flatten();
-    assert!(leftovers.into_iter().all(|f| !f.file_name().to_string_lossy().ends_with(".tmp")));
+    assert!(leftovers.into_iter().all(|f| !f.file_name().to_string_lossy().ends_with(".partial")));
 }
 
 #[test]
@@ -260,38 +275,9 @@ fn what_cannot_be_kept_is_a_warning_and_what_cannot_be_a_folder_an_error() {
     let place = folder.path().join("cache");
     let cache = Cache::open(&place).unwrap();
     std::fs::remove_dir_all(&place).unwrap();
-    let result = extractor(&set, &setup, Some(&cache)).extract(&[(generated(0.1), generated(0.2))]).unwrap();
-    assert!(!result.warnings.is_empty());
-    assert!(result.values.iter().all(|v| v.is_finite()));
-}
-
-#[test]
-fn every_brdf_is_computed_once_and_progress_counts_them() {
-    struct Counted(Arc<AtomicUsize>);
-    impl Brdf for Counted {
-        fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
-            self.0.fetch_add(1, Ordering::Relaxed);
-            ggx(0.2).eval(wi, wo)
-        }
-    }
-    let count = Arc::new(AtomicUsize::new(0));
-    let counted = BrdfSource::Generated(OpenBrdf {
-        notation: "counted".into(),
-        content: ContentHash::of(b"counted"),
-        brdf: Arc::new(Counted(count.clone())),
-    });
-    let (set, setup) = (DescriptorSet::compact(), Setup::standard());
-    let (calls, last) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let progress = |p: vernis_metric::io::Progress| {
-        calls.fetch_add(1, Ordering::Relaxed);
-        last.fetch_max(p.done, Ordering::Relaxed);
-        assert_eq!(p.total, 3);
-    };
-    let pairs = [(counted.clone(), generated(0.1)), (counted.clone(), generated(0.3)), (generated(0.1), counted)];
-    let extractor = Extractor { progress: &progress, ..extractor(&set, &setup, None) };
-    assert_eq!(extractor.extract(&pairs).unwrap().values.dim(), (3, compact::COLUMNS));
-    assert_eq!((calls.into_inner(), last.into_inner()), (3, 3));
-    assert_eq!(count.load(Ordering::Relaxed), 40 * 16 * 20);
+    let result = extract(&set, &setup, Some(&cache), &[(generated(0.1), generated(0.2))]).unwrap();
+    assert!(!result.1.is_empty());
+    assert!(result.0.iter().flatten().all(|v| v.is_finite()));
 }
 
 #[test]
@@ -308,7 +294,7 @@ fn a_source_that_cannot_be_evaluated_is_named() {
         brdf: Arc::new(Broken),
     });
     let (set, setup) = (DescriptorSet::compact(), Setup::standard());
-    let error = extractor(&set, &setup, None).extract(&[(generated(0.1), broken)]).unwrap_err();
+    let error = extract(&set, &setup, None, &[(generated(0.1), broken)]).unwrap_err();
     assert!(error.to_string().starts_with("broken: the BRDF is [NaN, NaN, NaN] at theta_h"), "{error}");
 }
 

@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 use vernis_metric::brdf::models::build;
 use vernis_metric::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf};
-use vernis_metric::fit::loss::{LearnedLoss, Loss, LpLoss};
+use vernis_metric::fit::loss::{Loss, LpLoss, MetricLoss};
 use vernis_metric::fit::optimizer::{Method, StopReason};
 use vernis_metric::fit::{FitError, Fitted, Fitting, Start};
 use vernis_metric::metric::Metric;
@@ -98,7 +98,7 @@ fn landscapes_along_lines_through_the_fit_under_the_logarithm() {
     let learned = LearnedMetric::shipped().expect("the shipped metric");
     let reference = table("ward-duer", &WARD);
     let log = LpLoss::new(&reference, "D9.Cl".parse().expect("a name"), 6).expect("valid").expect("no colours");
-    let loss = LearnedLoss::new(&learned, &reference).expect("valid");
+    let loss = MetricLoss::new(&learned, &reference).expect("valid");
     let metric = metric("D9.Cl");
     let best = fit(&Fitting { coarsening: 6, ..Fitting::new("ggx", &*metric) }, &reference).model.parameters();
     let hollows = |loss: &dyn Loss, k: usize| {
@@ -123,7 +123,7 @@ fn landscapes_along_lines_through_the_fit_under_the_logarithm() {
 fn the_learned_loss_is_the_distance_before_it_is_cut_off() {
     let learned = LearnedMetric::shipped().expect("the shipped metric");
     let reference = table("ward-duer", &WARD);
-    let loss = LearnedLoss::new(&learned, &reference).expect("valid");
+    let loss = MetricLoss::new(&learned, &reference).expect("valid");
     for alpha in [0.05, 0.12, 0.18, 0.3] {
         let candidate = build("ward-duer", &[0.3, 0.2, 0.1, 0.05, 0.06, 0.08, alpha]).expect("within bounds");
         let (found, distance) =

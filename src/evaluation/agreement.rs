@@ -12,7 +12,7 @@
 //! not weighted. Cost: O(n log n) once, then O(n log n) with a small constant for every resample.
 
 use super::EvaluationError;
-use crate::samples::Row;
+use crate::dataset::Row;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use vernis_metric::math::correlation::{

@@ -17,7 +17,7 @@ use super::records::{
     AblationRecord, DifferenceRecord, Judgement, MaterialResidual, MetricKind, MetricRecord, PredictionRecord, RowSet,
     Split,
 };
-use crate::samples::Row;
+use crate::dataset::Row;
 use std::collections::BTreeMap;
 use vernis_metric::math::correlation::{pearson, spearman};
 

@@ -151,7 +151,7 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::Row;
+    use crate::dataset::Row;
     use rand_chacha::ChaCha8Rng;
 
     /// `materials` of `per` rows whose ratings share an offset, and a prediction with errors shared as well.

@@ -10,8 +10,9 @@
 use super::EvaluationError;
 use super::agreement::Predictions;
 use super::cross_validation::{FoldPredictions, assemble, fold_seed, run_folds, training_error};
+use crate::dataset::Row;
+use crate::samples::Samples;
 use crate::samples::split::Fold;
-use crate::samples::{Row, Samples};
 use crate::train::Trainer;
 use rand::Rng;
 use rayon::prelude::*;

@@ -18,8 +18,9 @@ use super::records::{
     AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
     MetricKind, MetricRecord, PredictionRecord, Split,
 };
+use crate::dataset::Row;
+use crate::samples::Samples;
 use crate::samples::split::{Fold, grouped_folds, material_type_folds, method_and_group_folds};
-use crate::samples::{Row, Samples};
 use crate::train::Trainer;
 use crate::train::trivial::MeanOf;
 use vernis_metric::math::correlation::pearson;

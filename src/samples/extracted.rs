@@ -5,9 +5,10 @@
 //! the name followed by `~exchanged`. The metadata hold a header in JSON under the key `vernis`. A file holds a whole study or
 //! one [`Shard`] of it; [`ExtractedStudy::merge`] joins shards.
 
+use super::Samples;
 use super::parquet::{self, Values};
 use super::shard::Shard;
-use super::{Row, Samples};
+use crate::dataset::Row;
 use crate::dataset::{Completeness, DatasetError, RatedPair, Study, StudyFile};
 use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};

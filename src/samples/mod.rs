@@ -13,29 +13,11 @@ pub mod shard;
 pub mod split;
 mod workers;
 
+use crate::dataset::Row;
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use vernis_metric::descriptor::Column;
-
-/// What a row belongs to.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// Name of the reference's material.
-    pub material: String,
-    /// Rows of one group are never on both sides of a split: materials with their sisters.
-    pub group: String,
-    /// Approximation method as the ratings name it.
-    pub method: String,
-    /// Methods of one family are left out together: `ABC` with `ABC-OURS`.
-    pub method_family: String,
-    /// Dielectric or metal, where the study says.
-    pub material_type: Option<String>,
-    /// Mean opinion score, 1 to 5.
-    pub mos: f64,
-    /// Training weight, positive.
-    pub weight: f64,
-}
 
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SamplesError {

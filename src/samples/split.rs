@@ -1,7 +1,8 @@
 //! Splits that keep groups together. `TrainingSet` and `HeldOut` are different types made only here, so handing
 //! held-out rows to a trainer does not compile.
 
-use super::{Row, Samples};
+use super::Samples;
+use crate::dataset::Row;
 use ndarray::ArrayView2;
 use rand::seq::SliceRandom;
 use std::collections::{BTreeMap, BTreeSet};

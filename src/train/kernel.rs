@@ -255,7 +255,8 @@ fn normal_equations(factor: &Array2<f64>, y: &[f64], v: &[f64], rows: &[usize]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::{Row, Samples};
+    use crate::dataset::Row;
+    use crate::samples::Samples;
     use rand::Rng;
     use vernis_metric::descriptor::{Column, Role};
 

@@ -6,7 +6,7 @@
 //! These look at what a row belongs to, not at its descriptors, so they are no [`Trainer`](super::Trainer).
 
 use super::{TrainError, check_set};
-use crate::samples::Row;
+use crate::dataset::Row;
 use crate::samples::split::TrainingSet;
 use std::collections::BTreeMap;
 

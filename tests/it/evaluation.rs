@@ -4,6 +4,7 @@ use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand::seq::SliceRandom;
 use std::collections::HashMap;
+use vernis::dataset::Row;
 use vernis::descriptor::{Column, Role};
 use vernis::evaluation::EvaluationError;
 use vernis::evaluation::agreement::{Agreement, Figure, Ratings};
@@ -13,8 +14,8 @@ use vernis::evaluation::cross_validation::{
 };
 use vernis::evaluation::records::{MetricKind, RowSet, Split};
 use vernis::math::seed;
+use vernis::samples::Samples;
 use vernis::samples::split::{TrainingSet, grouped_folds, method_and_group_folds};
-use vernis::samples::{Row, Samples};
 use vernis::train::trivial::MeanOf;
 use vernis::train::{Predictor, TrainError, Trainer};
 

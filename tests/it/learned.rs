@@ -3,14 +3,15 @@
 use ndarray::Array2;
 use rand::Rng;
 use vernis::brdf::models::Ggx;
+use vernis::dataset::Row;
 use vernis::descriptor::Role;
 use vernis::descriptor::{DescriptorSet, Setup};
 use vernis::math::seed::stream;
 use vernis::metric::Metric;
 use vernis::metric::learned::exported::{DataHash, Descriptors, FORMAT, Interval, Provenance, Reached};
 use vernis::metric::learned::{ExportedError, ExportedMetric, LearnedMetric, Regressor};
+use vernis::samples::Samples;
 use vernis::samples::split::TrainingSet;
-use vernis::samples::{Row, Samples};
 use vernis::train::ensemble::bootstrap_members;
 use vernis::train::kernel::KernelRidge;
 use vernis::train::{IDENTITY_MOS, Predictor, Trainer};

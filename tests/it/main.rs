@@ -10,6 +10,7 @@ mod extract;
 mod fit;
 mod learned;
 mod losses;
+mod old_files;
 mod report;
 mod rooms;
 mod shipped;

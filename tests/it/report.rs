@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
+use vernis::dataset::Row;
 use vernis::descriptor::{Column, Role};
 use vernis::evaluation::agreement::Figure;
 use vernis::evaluation::benchmark::{Judged, JudgedMetric, Jury, prediction_records, residuals_by_material};
@@ -18,8 +19,8 @@ use vernis::evaluation::records::{
 use vernis::math::seed;
 use vernis::report::page::materials::{Candidate, Material};
 use vernis::report::{OutputFolder, ReportError, write_benchmark};
+use vernis::samples::Samples;
 use vernis::samples::split::{grouped_folds, method_and_group_folds};
-use vernis::samples::{Row, Samples};
 
 const METHODS: [&str; 6] = ["ABC", "BAGHER", "BLINN-PHONG", "LAFORTUNE", "SGD", "WARD"];
 

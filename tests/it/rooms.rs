@@ -1,22 +1,17 @@
-//! The house rules of `src/`: a room uses only rooms above it, and `burn` is named in one room.
+//! The house rules that the compiler does not keep: inside a package a room uses only rooms above it, `burn` is named in one room,
+//! and nothing but the program knows of a terminal. Between packages the compiler keeps the order.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const ROOMS: [&str; 12] = [
-    "math",
-    "brdf",
-    "dataset",
-    "descriptor",
-    "metric",
-    "fit",
-    "train",
-    "evaluation",
-    "render",
-    "study",
-    "report",
-    "cli",
+/// A package, the folder of its library, and its rooms, top to bottom.
+const PACKAGES: [(&str, &str, &[&str]); 2] = [
+    ("vernis-metric", "crates/vernis-metric/src", &["math", "io", "brdf", "light", "descriptor", "metric", "fit"]),
+    ("vernis", "src", &["dataset", "samples", "train", "evaluation", "experiment", "panel", "report", "cli"]),
 ];
+
+/// Rooms beside each other, which neither use each other nor are meant to.
+const STRANGERS: [[&str; 2]; 2] = [["panel", "train"], ["panel", "experiment"]];
 
 fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -29,9 +24,9 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// (room, path inside src, code lines) of every file of the library.
-fn sources() -> Vec<(String, String, Vec<String>)> {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+/// (room, path inside the package, code lines) of every file of a package.
+fn sources(folder: &str) -> Vec<(String, String, Vec<String>)> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let mut files = Vec::new();
     rust_files(&src, &mut files);
     files.sort();
@@ -39,7 +34,7 @@ fn sources() -> Vec<(String, String, Vec<String>)> {
         .iter()
         .map(|path| {
             let inside = path.strip_prefix(&src).unwrap().to_string_lossy().into_owned();
-            let room = inside.split(['/', '.']).next().unwrap().to_owned();
+            let room = inside.split(['/', '\\', '.']).next().unwrap().to_owned();
             let code = fs::read_to_string(path)
                 .unwrap()
                 .lines()
@@ -52,56 +47,83 @@ fn sources() -> Vec<(String, String, Vec<String>)> {
 }
 
 /// The rooms that a line of code names through `crate::room`.
-fn named_rooms(line: &str) -> Vec<&str> {
+fn named_rooms<'a>(line: &str, rooms: &[&'a str]) -> Vec<&'a str> {
     line.match_indices("crate::")
         .filter_map(|(at, _)| {
             let rest = &line[at + "crate::".len()..];
             let name = rest.split(|c: char| !c.is_alphanumeric() && c != '_').next()?;
-            ROOMS.iter().copied().find(|room| *room == name)
+            rooms.iter().copied().find(|room| *room == name)
         })
         .collect()
 }
 
 #[test]
 fn a_room_uses_only_rooms_above_it() {
-    let position = |room: &str| ROOMS.iter().position(|r| *r == room);
-    let mut uses = 0;
-    for (room, inside, code) in sources() {
-        let Some(own) = position(&room) else { continue };
-        for line in &code {
-            for other in named_rooms(line) {
-                uses += 1;
-                let theirs = position(other).unwrap();
-                let siblings = [room.as_str(), other] == ["train", "fit"];
-                assert!(theirs <= own && !siblings, "{inside}: `{}` reaches from {room} down to {other}", line.trim());
+    for (package, folder, rooms) in PACKAGES {
+        let position = |room: &str| rooms.iter().position(|r| *r == room);
+        let mut uses = 0;
+        for (room, inside, code) in sources(folder) {
+            let Some(own) = position(&room) else { continue };
+            for line in &code {
+                for other in named_rooms(line, rooms) {
+                    uses += 1;
+                    let strangers = STRANGERS.iter().any(|pair| *pair == [room.as_str(), other]);
+                    assert!(
+                        position(other).unwrap() <= own && !strangers,
+                        "{package}, {inside}: `{}` reaches from {room} to {other}",
+                        line.trim()
+                    );
+                }
+                assert!(
+                    !line.trim_start().starts_with("use crate::{"),
+                    "{package}, {inside}: `{}`: name the rooms one `use` at a time, so that their order can be checked",
+                    line.trim()
+                );
             }
-            assert!(
-                !line.trim_start().starts_with("use crate::{"),
-                "{inside}: `{}`: name the rooms one `use` at a time, so that their order can be checked",
-                line.trim()
-            );
         }
+        assert!(uses > 20, "{package}: only {uses} uses between rooms were seen: the reader of the sources is broken");
     }
-    assert!(uses > 20, "only {uses} uses between rooms were seen: the reader of the sources is broken");
 }
 
 #[test]
-fn every_room_of_the_library_is_listed() {
-    for (room, inside, _) in sources() {
-        assert!(room == "main" || room == "lib" || ROOMS.contains(&room.as_str()), "{inside} is in no known room");
+fn every_room_is_listed() {
+    for (package, folder, rooms) in PACKAGES {
+        for (room, inside, _) in sources(folder) {
+            let known = ["main", "lib", "prelude"].contains(&room.as_str()) || rooms.contains(&room.as_str());
+            assert!(known, "{package}: {inside} is in no known room");
+        }
     }
 }
 
 #[test]
 fn burn_is_named_in_one_room() {
     let mut seen = 0;
-    for (_, inside, code) in sources() {
-        let names = |line: &String| line.contains("burn::") || line.contains("burn_");
-        if inside.starts_with("train/neural/") {
-            seen += code.iter().filter(|l| names(l)).count();
-        } else if let Some(line) = code.iter().find(|l| names(l)) {
-            panic!("{inside} names burn: `{}`", line.trim());
+    for (_, folder, _) in PACKAGES {
+        for (_, inside, code) in sources(folder) {
+            let names = |line: &String| line.contains("burn::") || line.contains("burn_");
+            if folder == "src" && inside.starts_with("train/neural/") {
+                seen += code.iter().filter(|l| names(l)).count();
+            } else if let Some(line) = code.iter().find(|l| names(l)) {
+                panic!("{inside} names burn: `{}`", line.trim());
+            }
         }
     }
     assert!(seen > 0, "no use of burn was seen in train/neural: the reader of the sources is broken");
+}
+
+#[test]
+fn only_the_program_knows_of_a_terminal() {
+    const TERMINAL: [&str; 6] = ["println!", "eprintln!", "print!(", "clap::", "indicatif::", "anyhow::"];
+    let mut seen = 0;
+    for (_, folder, _) in PACKAGES {
+        for (room, inside, code) in sources(folder) {
+            // Tests at the end of a file may print.
+            let library = code.iter().take_while(|line| !line.starts_with("#[cfg(test)]"));
+            for line in library.filter(|line| TERMINAL.iter().any(|name| line.contains(name))) {
+                seen += 1;
+                assert!(room == "cli" || room == "main", "{inside} knows of a terminal: `{}`", line.trim());
+            }
+        }
+    }
+    assert!(seen > 20, "the program prints nothing: the reader of the sources is broken");
 }

@@ -4,10 +4,11 @@
 use ndarray::Array2;
 use rand::Rng;
 use rand::seq::SliceRandom;
+use vernis::dataset::Row;
 use vernis::descriptor::{Column, Role};
 use vernis::math::seed::stream;
+use vernis::samples::Samples;
 use vernis::samples::split::{TrainingSet, grouped_folds};
-use vernis::samples::{Row, Samples};
 use vernis::train::ensemble::{Average, OnColumns, bootstrap_members};
 use vernis::train::kernel::KernelRidge;
 use vernis::train::linear::ElasticNet;

@@ -2,13 +2,14 @@
 
 use super::combination::{Combination, Family, GAMMAS};
 use super::run::{Outcome, Setting};
+use crate::dataset::Row;
 use crate::evaluation::EvaluationError;
 use crate::evaluation::agreement::{Agreement, Predictions, Ratings};
 use crate::evaluation::bootstrap::{Bootstrapped, Interval, Resamples};
 use crate::evaluation::cross_validation::{cross_validate, in_sample};
 use crate::experiment::ExperimentError;
+use crate::samples::Samples;
 use crate::samples::split::grouped_folds;
-use crate::samples::{Row, Samples};
 use crate::train::lp_baseline::{BestOf, Criterion};
 use ndarray::Array2;
 use serde::Serialize;

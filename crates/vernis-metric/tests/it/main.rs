@@ -3,6 +3,7 @@
 mod brdf;
 mod descriptor;
 mod fit;
+mod golden;
 mod graph;
 mod lp;
 mod lp_golden;

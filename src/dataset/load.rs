@@ -1,0 +1,55 @@
+//! Studies by name, and from files.
+
+use super::manifest::{self, Manifest};
+use super::{DatasetError, Study, csv_study, published, synthetic};
+use std::path::Path;
+use vernis_metric::io::nearest;
+
+impl Study {
+    /// Loads a study by name (`lavoue2021`, `lavoue2021-open`, `synthetic`) or from a CSV file, whose columns
+    /// `datasets/README.md` describes.
+    ///
+    /// `data` is the folder that holds a published study's files as its manifest lists them; the other studies do not
+    /// need it here. Sources of a published study are paths in that folder: BRDFs are opened later, one by one, with
+    /// `BrdfSource::open(data)`.
+    ///
+    /// # Errors
+    /// An unknown name, a missing or malformed file, or a study without a usable pair. A study that is only partly at
+    /// hand loads; see [`Study::completeness`].
+    pub fn load(name_or_path: &str, data: Option<&Path>) -> Result<Self, DatasetError> {
+        if name_or_path == synthetic::NAME {
+            return Ok(synthetic::generate(synthetic::SEED)?.study);
+        }
+        if manifest::NAMES.contains(&name_or_path) {
+            return published::load(&Manifest::embedded(name_or_path)?, data);
+        }
+        let path = Path::new(name_or_path);
+        if path.is_file() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
+            return csv_study::load(path);
+        }
+        Err(Self::unknown(name_or_path))
+    }
+
+    /// That there is no study `name`, with the nearest one there is.
+    pub fn unknown(name: &str) -> DatasetError {
+        let known = Self::known();
+        DatasetError::UnknownStudy { name: name.into(), known: known.join(", "), nearest: nearest(name, &known) }
+    }
+
+    /// Names of the studies that need no file of the user's own.
+    pub fn known() -> Vec<&'static str> {
+        manifest::NAMES.iter().copied().chain([synthetic::NAME]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_study_is_told_its_nearest_name() {
+        let message = Study::load("lavoue2021-opne", None).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(message.contains("did you mean lavoue2021-open"), "{message}");
+        assert!(message.contains("synthetic"), "{message}");
+    }
+}

@@ -1,0 +1,201 @@
+//! A study: pairs that people, or simulated observers, rated.
+
+use super::DatasetError;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use vernis_metric::brdf::{BrdfSource, ContentHash};
+
+/// What a row belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Name of the reference's material.
+    pub material: String,
+    /// Rows of one group are never on both sides of a split: materials with their sisters.
+    pub group: String,
+    /// Approximation method as the ratings name it.
+    pub method: String,
+    /// Methods of one family are left out together: `ABC` with `ABC-OURS`.
+    pub method_family: String,
+    /// Dielectric or metal, where the study says.
+    pub material_type: Option<String>,
+    /// Mean opinion score, 1 to 5.
+    pub mos: f64,
+    /// Training weight, positive.
+    pub weight: f64,
+}
+
+/// A reference, a candidate that approximates it, and how similar people found them.
+#[derive(Debug, Clone)]
+pub struct RatedPair {
+    pub reference: BrdfSource,
+    pub candidate: BrdfSource,
+    /// Name of the reference's material.
+    pub material: String,
+    /// The material with its sisters: what folds are made of.
+    pub group: String,
+    /// The approximation method as the ratings name it, such as `SGD` or `GPLVM_APPROX.3`.
+    pub method: String,
+    /// Methods of one family are one model by different fits: `ABC` with `ABC-OURS`.
+    pub method_family: String,
+    /// Such as `Dielectric` or `Metal`, where the study says.
+    pub material_type: Option<String>,
+    /// Mean opinion score, 1 (very poor) to 5 (excellent).
+    pub mos: f64,
+    /// Weight of the row in training, positive.
+    pub weight: f64,
+}
+
+impl RatedPair {
+    /// What the pair's row of a feature matrix belongs to.
+    pub fn row(&self) -> Row {
+        Row {
+            material: self.material.clone(),
+            group: self.group.clone(),
+            method: self.method.clone(),
+            method_family: self.method_family.clone(),
+            material_type: self.material_type.clone(),
+            mos: self.mos,
+            weight: self.weight,
+        }
+    }
+}
+
+/// How much of a study is at hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Completeness {
+    /// Rated pairs whose rating and BRDFs were found.
+    pub found: usize,
+    /// Rated pairs of the whole study.
+    pub known: usize,
+}
+
+impl Completeness {
+    pub fn is_whole(self) -> bool {
+        self.found == self.known
+    }
+}
+
+/// A file that a study was made from, for provenance.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StudyFile {
+    /// Its path in the data folder, or the file name of a user's study: the same on every machine.
+    pub name: String,
+    pub content: ContentHash,
+    /// Whether the content is what the study's manifest pins; `None` where nothing is pinned.
+    pub as_published: Option<bool>,
+}
+
+/// A study: pairs that people (or simulated observers) rated.
+#[derive(Debug, Clone)]
+pub struct Study {
+    pub name: String,
+    /// Ratings come from simulated observers; every output says so.
+    pub synthetic: bool,
+    pub completeness: Completeness,
+    /// Ratings and other small files that were read; empty for the embedded study.
+    pub files: Vec<StudyFile>,
+    pub pairs: Vec<RatedPair>,
+}
+
+impl Study {
+    /// The pairs of every reference, by their places; references in the order of their first pair.
+    pub fn by_reference(&self) -> Vec<Vec<usize>> {
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for (place, pair) in self.pairs.iter().enumerate() {
+            let group = *known.entry(pair.reference.identity()).or_insert(groups.len());
+            match groups.get_mut(group) {
+                Some(places) => places.push(place),
+                None => groups.push(vec![place]),
+            }
+        }
+        groups
+    }
+
+    /// Its name for files: that of its file, without the ending, where it is one.
+    pub fn short_name(&self) -> String {
+        Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Number of groups of materials.
+    pub fn groups(&self) -> usize {
+        self.pairs.iter().map(|p| p.group.as_str()).collect::<BTreeSet<_>>().len()
+    }
+
+    /// Whether a metric can be trained and judged on this study with `folds` folds by group.
+    ///
+    /// # Errors
+    /// No pair, one material, fewer groups than folds, a material in two groups, or ratings that are all equal.
+    pub fn validate(&self, folds: usize) -> Result<(), DatasetError> {
+        let study = || self.name.clone();
+        let Some(first) = self.pairs.first() else {
+            return Err(DatasetError::NoPairs { study: study(), reason: "it is empty".into() });
+        };
+        let mut group_of: BTreeMap<&str, &str> = BTreeMap::new();
+        for p in &self.pairs {
+            let known = *group_of.entry(&p.material).or_insert(&p.group);
+            if known != p.group {
+                return Err(DatasetError::TwoGroups {
+                    study: study(),
+                    material: p.material.clone(),
+                    first: known.to_owned(),
+                    second: p.group.clone(),
+                });
+            }
+        }
+        if group_of.len() < 2 {
+            return Err(DatasetError::OneMaterial { study: study(), material: first.material.clone() });
+        }
+        let groups = self.groups();
+        if groups < folds {
+            return Err(DatasetError::TooFewGroups { study: study(), groups, folds });
+        }
+        if self.pairs.iter().all(|p| p.mos == first.mos) {
+            return Err(DatasetError::EqualRatings { study: study(), pairs: self.pairs.len(), mos: first.mos });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn study(rows: &[(&str, &str, f64)]) -> Study {
+        let source = |s: &str| BrdfSource::Notation(s.into());
+        let pairs: Vec<RatedPair> = rows
+            .iter()
+            .map(|&(material, group, mos)| RatedPair {
+                reference: source("a.binary"),
+                candidate: source("b.binary"),
+                material: material.into(),
+                group: group.into(),
+                method: "m".into(),
+                method_family: "m".into(),
+                material_type: None,
+                mos,
+                weight: 1.0,
+            })
+            .collect();
+        let completeness = Completeness { found: pairs.len(), known: pairs.len() };
+        Study { name: "test".into(), synthetic: false, completeness, files: Vec::new(), pairs }
+    }
+
+    #[test]
+    fn validation_names_what_is_wrong() {
+        let problem = |rows: &[(&str, &str, f64)], folds| study(rows).validate(folds).unwrap_err();
+        assert!(matches!(problem(&[], 2), DatasetError::NoPairs { .. }));
+        assert!(matches!(problem(&[("a", "a", 1.0), ("a", "a", 2.0)], 2), DatasetError::OneMaterial { .. }));
+        assert!(matches!(
+            problem(&[("a", "g", 1.0), ("b", "g", 2.0)], 2),
+            DatasetError::TooFewGroups { groups: 1, folds: 2, .. }
+        ));
+        assert!(matches!(problem(&[("a", "a", 3.0), ("b", "b", 3.0)], 2), DatasetError::EqualRatings { .. }));
+        assert!(matches!(
+            problem(&[("a", "a", 1.0), ("a", "b", 3.0), ("b", "b", 3.0)], 2),
+            DatasetError::TwoGroups { .. }
+        ));
+        assert!(study(&[("a", "a", 1.0), ("b", "b", 3.0)]).validate(2).is_ok());
+    }
+}

@@ -64,7 +64,7 @@ fn pairs() -> Vec<(Arc<dyn Brdf>, Arc<dyn Brdf>)> {
         ),
         (
             model("ggx", &[0.0, 0.0, 0.0, 0.95, 0.64, 0.54, 0.25]),
-            model("beckmann", &[0.02, 0.01, 0.01, 0.9, 0.6, 0.5, 0.22]),
+            model("beckmann-schlick", &[0.02, 0.01, 0.01, 0.9, 0.6, 0.5, 0.22]),
         ),
         (cloth, Arc::new(gaps)),
     ]

@@ -1,4 +1,4 @@
-//! How different do two materials look? Metrics between BRDFs: evaluate, compare, fit.
+#![doc = include_str!("../README.md")]
 
 pub mod brdf;
 pub mod descriptor;

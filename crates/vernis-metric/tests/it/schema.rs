@@ -1,0 +1,246 @@
+//! The published JSON Schema of exported metrics, `docs/vernis-metric-file.schema.json`, against the reader of these files:
+//! the shipped file follows it, and both accept and refuse the same variants of a small file.
+
+use boon::{Compiler, SchemaIndex, Schemas};
+use serde_json::{Value, json};
+use std::sync::LazyLock;
+use vernis_metric::descriptor::embedding::{EmbeddingParts, INPUTS, LogSpace};
+use vernis_metric::descriptor::{DescriptorSet, Embedding, Family, Setup};
+use vernis_metric::metric::learned::exported::{DataHash, Descriptors, Interval, Provenance, Reached};
+use vernis_metric::metric::learned::{
+    Activation, Dense, ExportedMetric, Feature, Function, Input, Kernel, Radial, Regressor, Standardizer, Term,
+};
+
+const SCHEMA: &str = include_str!("../../../../docs/vernis-metric-file.schema.json");
+const SHIPPED: &str = include_str!("../../src/metric/learned/vernis.vernis.json");
+
+/// The place of the schema among the validator's documents.
+const PLACE: &str = "urn:vernis:metric-file:1";
+
+static COMPILED: LazyLock<(Schemas, SchemaIndex)> = LazyLock::new(|| {
+    let (mut schemas, mut compiler) = (Schemas::new(), Compiler::new());
+    compiler.add_resource(PLACE, serde_json::from_str(SCHEMA).unwrap()).unwrap();
+    let index = compiler.compile(PLACE, &mut schemas).unwrap();
+    (schemas, index)
+});
+
+/// Whether a file follows the schema; if not, where and why.
+fn follows(file: &Value) -> Result<(), String> {
+    COMPILED.0.validate(file, COMPILED.1).map_err(|e| format!("{e:#}"))
+}
+
+/// Whether the library reads a file; if not, why.
+fn reads(file: &Value) -> Result<(), String> {
+    ExportedMetric::parse(&file.to_string(), "file", &Setup::standard()).map(|_| ()).map_err(|e| e.to_string())
+}
+
+fn embedding() -> Embedding {
+    let layer = Dense { inputs: 1, outputs: 1, bias: vec![0.0], weights: vec![2.0] };
+    Embedding::new(EmbeddingParts {
+        name: "encoder".into(),
+        space: LogSpace::Opponent,
+        mean: vec![0.0; INPUTS],
+        components: vec![vec![1e-4; INPUTS]],
+        layers: vec![layer],
+        slope: 0.1,
+    })
+    .unwrap()
+}
+
+fn terms(features: usize) -> Vec<Term> {
+    let ones = vec![1.0; features];
+    let kernel = |radial| Function::Kernel {
+        kernel: Kernel { radial, length: 1.0, linear: 0.2 },
+        weights: vec![-1.0],
+        landmarks: ones.clone(),
+    };
+    let layer = Dense { inputs: features, outputs: 1, bias: vec![0.5], weights: ones.clone() };
+    let network =
+        Function::Network { activation: Activation::LeakyRelu { slope: 0.1 }, members: vec![vec![layer.clone()]] };
+    [
+        Function::Linear { weights: ones.clone() },
+        kernel(Radial::Exponential),
+        kernel(Radial::Matern32),
+        kernel(Radial::Gaussian),
+        network,
+    ]
+    .map(|function| Term {
+        weight: 0.2,
+        standardizer: Standardizer {
+            limit: 4.0,
+            power: 0.7,
+            features: (0..features).map(|input| Feature { input, mean: 0.0, scale: 1.0, gain: 1.0 }).collect(),
+        },
+        function,
+    })
+    .into()
+}
+
+/// A small file, as the library writes it, that holds every kind of object there is. It follows the schema, so that a
+/// variant that does not owes it to the change.
+fn small() -> Value {
+    let set = DescriptorSet::new(vec![Family::Slot, Family::Context]).with_embedding(embedding());
+    let inputs: Vec<Input> = set.columns().iter().map(Input::from).collect();
+    let regressor = Regressor { identity_mos: 4.5, terms: terms(inputs.len()), inputs };
+    let provenance = Provenance {
+        study: "test".into(),
+        synthetic: true,
+        rows: 2,
+        materials: 2,
+        data: vec![DataHash { name: "a.csv".into(), sha256: "0123456789abcdef".repeat(4) }],
+        seed: u64::MAX,
+        command: "vernis train".into(),
+        crate_version: "0.1.0".into(),
+        agreement: vec![Reached { measure: "plcc".into(), rows: "all".into(), value: 0.9, low: 0.8, high: 1.0 }],
+    };
+    let interval = Interval { level: 0.95, factor: 2.0, offset: 0.1 };
+    let descriptors = Descriptors { setup: Setup::standard().id().to_owned(), set };
+    let members = vec![regressor.clone()];
+    let metric = ExportedMetric::new("small", "1", descriptors, regressor, members, interval, provenance).unwrap();
+    let file = serde_json::from_str(&metric.to_json().unwrap()).unwrap();
+    follows(&file).unwrap();
+    file
+}
+
+/// JSON pointers of every object inside `value`.
+fn objects(value: &Value, at: &str, found: &mut Vec<String>) {
+    match value {
+        Value::Object(map) => {
+            found.push(at.to_owned());
+            map.iter().for_each(|(key, inner)| objects(inner, &format!("{at}/{key}"), found));
+        }
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(i, inner)| objects(inner, &format!("{at}/{i}"), found));
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn the_shipped_file_follows_the_schema() {
+    follows(&serde_json::from_str(SHIPPED).unwrap()).unwrap();
+}
+
+/// Of equal items of a list, the first stands for all.
+fn places(file: &Value) -> Vec<String> {
+    let mut found = Vec::new();
+    objects(file, "", &mut found);
+    found.retain(|at| !["/inputs/", "/features/"].iter().any(|list| at.contains(list)) || at.ends_with("/0"));
+    found
+}
+
+#[test]
+fn a_missing_key_is_refused_by_schema_and_reader() {
+    let whole = small();
+    let mut removed = 0;
+    for at in places(&whole) {
+        for key in whole.pointer(&at).unwrap().as_object().unwrap().keys() {
+            // Optional: without embeddings there are fewer columns, which only the reader can know.
+            if key == "embeddings" {
+                continue;
+            }
+            let mut file = whole.clone();
+            file.pointer_mut(&at).unwrap().as_object_mut().unwrap().remove(key);
+            assert!(reads(&file).is_err(), "the reader takes a file without {at}/{key}");
+            assert!(follows(&file).is_err(), "the schema takes a file without {at}/{key}");
+            removed += 1;
+        }
+    }
+    assert!(removed > 100, "only {removed} keys were removed");
+}
+
+#[test]
+fn schema_and_reader_refuse_the_same_unknown_keys() {
+    let whole = small();
+    let (mut refused, mut taken) = (0, Vec::new());
+    for at in places(&whole) {
+        let mut file = whole.clone();
+        file.pointer_mut(&at).unwrap()["unknown"] = json!(1);
+        let reader = reads(&file);
+        assert_eq!(follows(&file).is_ok(), reader.is_ok(), "{at}: {reader:?}");
+        match reader {
+            Ok(()) => taken.push(at),
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(refused > 20, "only {refused} objects refuse an unknown key");
+    assert!(taken.contains(&"/descriptors/set".to_owned()), "{taken:?}");
+}
+
+/// One value of the small file, and one that is not allowed there.
+fn broken() -> Vec<(&'static str, Value)> {
+    vec![
+        ("/format", json!(2)),
+        ("/name", json!(7)),
+        ("/descriptors/setup", json!("v1-candles-sphere")),
+        ("/descriptors/set/families/0", json!("sounds")),
+        ("/descriptors/set/embeddings/0/space", json!("xyz")),
+        ("/descriptors/set/embeddings/0/mean", json!([0.0])),
+        ("/descriptors/set/embeddings/0/mean/0", json!(1e39)),
+        ("/descriptors/set/embeddings/0/components/0", json!([1.0])),
+        ("/regressor/identity_mos", json!(5.5)),
+        ("/regressor/identity_mos", json!(0.5)),
+        ("/regressor/inputs/0/role", json!("reference")),
+        ("/regressor/terms", json!([])),
+        ("/regressor/terms/0/standardizer/limit", json!(0.0)),
+        ("/regressor/terms/0/standardizer/power", json!(-0.7)),
+        ("/regressor/terms/0/standardizer/features", json!([])),
+        ("/regressor/terms/0/standardizer/features/0/input", json!(-1)),
+        ("/regressor/terms/0/standardizer/features/0/scale", json!(0.0)),
+        ("/regressor/terms/0/standardizer/features/0/gain", json!(0.0)),
+        ("/regressor/terms/0/function/kind", json!("quadratic")),
+        ("/regressor/terms/0/function/kind", json!("kernel")),
+        ("/regressor/terms/1/function/kernel/radial", json!("cauchy")),
+        ("/regressor/terms/1/function/kernel/length", json!(0.0)),
+        ("/regressor/terms/4/function/activation/kind", json!("tanh")),
+        ("/regressor/terms/4/function/members", json!([])),
+        ("/regressor/terms/4/function/members/0", json!([])),
+        ("/regressor/terms/4/function/members/0/0/outputs", json!(0)),
+        ("/regressor/terms/4/function/members/0/0/weights/0", Value::Null),
+        ("/members/0", json!([])),
+        ("/interval/level", json!(2.0)),
+        ("/interval/level", json!(0.0)),
+        ("/interval/level", json!(1.0)),
+        ("/interval/factor", json!(-1.0)),
+        ("/interval/offset", json!(-0.1)),
+        ("/provenance/synthetic", json!("no")),
+        ("/provenance/rows", json!(-2)),
+        ("/provenance/seed", json!(1.5)),
+        ("/provenance/agreement/0/value", Value::Null),
+    ]
+}
+
+#[test]
+fn a_value_that_is_not_allowed_is_refused_by_schema_and_reader() {
+    let whole = small();
+    for (at, value) in broken() {
+        let mut file = whole.clone();
+        *file.pointer_mut(at).unwrap_or_else(|| panic!("{at} is not in the small file")) = value.clone();
+        assert!(reads(&file).is_err(), "the reader takes {value} at {at}");
+        assert!(follows(&file).is_err(), "the schema takes {value} at {at}");
+    }
+}
+
+/// The reader does not look at hashes, the schema does.
+#[test]
+fn a_hash_that_is_none_does_not_follow_the_schema() {
+    let mut file = small();
+    file["provenance"]["data"][0]["sha256"] = json!("0123");
+    assert!(follows(&file).unwrap_err().contains("/provenance/data/0/sha256"));
+}
+
+#[test]
+fn the_bounds_themselves_are_allowed() {
+    let mut file = small();
+    for (at, value) in [
+        ("/regressor/identity_mos", json!(5)),
+        ("/interval/factor", json!(0)),
+        ("/interval/offset", json!(0)),
+        ("/provenance/rows", json!(0)),
+        ("/members", json!([])),
+    ] {
+        *file.pointer_mut(at).unwrap() = value;
+    }
+    reads(&file).unwrap();
+    follows(&file).unwrap();
+}

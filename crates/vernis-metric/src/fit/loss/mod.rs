@@ -7,7 +7,6 @@
 //! | learned | [`LearnedLoss`]: the prediction before it is cut off at zero | their own |
 //! | any other | [`MetricLoss`] | their own |
 
-mod formula;
 mod lattice;
 mod learned;
 mod lp;

@@ -6,7 +6,7 @@ use super::{Shared, print, user_error, workspace};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::csv_study::{csv_error, line_of};
+use vernis::dataset::csv_table::{csv_error, line_of};
 use vernis_metric::brdf::OpenBrdf;
 use vernis_metric::io::Progress;
 use vernis_metric::metric::registry::{Distance, distances};

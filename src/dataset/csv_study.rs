@@ -5,6 +5,8 @@
 //! `material` (default: the reference as written), `group` (default: the material), `method` (default `unnamed`),
 //! `method_family` (default: the method) and `material_type`.
 
+use super::csv_table::{CsvTable, MOST_BYTES};
+use super::error::field;
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,9 +15,6 @@ use vernis_metric::io::read_at_most;
 
 const REQUIRED: [&str; 3] = ["reference", "candidate", "mos"];
 const OPTIONAL: [&str; 6] = ["weight", "material", "group", "method", "method_family", "material_type"];
-
-/// Largest table of text that is read.
-pub(super) const MOST_BYTES: u64 = 256 << 20;
 
 /// Loads the study in the file at `path`.
 pub fn load(path: &Path) -> Result<Study, DatasetError> {
@@ -34,22 +33,15 @@ pub fn load(path: &Path) -> Result<Study, DatasetError> {
 }
 
 fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, DatasetError> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(bytes);
-    let header = reader.headers().map_err(|e| csv_error(path, &e))?.clone();
-    let columns = check_header(path, &header)?;
+    let mut table = CsvTable::new(path, bytes, b',')?;
+    let columns = check_header(path, table.header())?;
     let mut pairs: Vec<RatedPair> = Vec::new();
     let mut groups: BTreeMap<String, (String, u64)> = BTreeMap::new();
     let mut seen = BTreeSet::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| csv_error(path, &e))?;
-        let line = line_of(bytes, &record);
-        if record.len() != header.len() {
-            let (found, allowed) = (record.len().to_string(), format!("{} as in the header", header.len()));
-            return Err(field(path, line, "the number of fields", found, allowed));
-        }
+    while let Some((line, record)) = table.next_row()? {
         if let Some(i) = record.iter().position(|f| f.contains(|c: char| c.is_control() && c != '\t')) {
             let allowed = "text in one line; is a quotation mark missing?".into();
-            return Err(field(path, line, &header[i], format!("`{}`", &record[i]), allowed));
+            return Err(field(path, line, &table.header()[i], format!("`{}`", &record[i]), allowed));
         }
         let cell = |name: &str| columns.get(name).and_then(|&i| record.get(i)).unwrap_or("");
         let pair = parse_row(path, line, &cell, folder)?;
@@ -131,29 +123,6 @@ fn source(path: &Path, line: u64, column: &'static str, text: &str, folder: &Pat
         column,
         cause: Box::new(cause),
     })
-}
-
-fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
-    DatasetError::Field { path: path.into(), line, field: field.into(), found, allowed }
-}
-
-/// The line on which a record of `bytes` begins: the reader counts from where it was left, before any blank lines.
-pub fn line_of(bytes: &[u8], record: &csv::StringRecord) -> u64 {
-    let Some(position) = record.position() else { return 0 };
-    let rest = bytes.get(position.byte() as usize..).unwrap_or_default();
-    let blank = rest.iter().take_while(|b| matches!(b, b'\r' | b'\n'));
-    position.line() + blank.filter(|b| **b == b'\n').count() as u64
-}
-
-/// What the reader of CSV says, with the line.
-pub fn csv_error(path: &Path, error: &csv::Error) -> DatasetError {
-    match error.kind() {
-        csv::ErrorKind::Utf8 { pos, .. } => {
-            let line = pos.as_ref().map_or(0, |p| p.line());
-            field(path, line, "a field", "not UTF-8".into(), "text in UTF-8".into())
-        }
-        _ => DatasetError::Unreadable { path: path.into(), reason: error.to_string() },
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! What can be wrong with a study.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 use vernis_metric::brdf::BrdfError;
 use vernis_metric::io::{did_you_mean, shown};
@@ -40,4 +40,9 @@ pub enum DatasetError {
     TwoGroups { study: String, material: String, first: String, second: String },
     #[error("study synthetic: {reason}")]
     Synthetic { reason: String },
+}
+
+/// A wrong `field` of a line of a file of ratings.
+pub(super) fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
+    DatasetError::Field { path: path.into(), line, field: field.into(), found, allowed }
 }

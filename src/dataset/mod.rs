@@ -3,6 +3,7 @@
 //! Nothing in this room knows how anything is computed from a BRDF.
 
 pub mod csv_study;
+pub mod csv_table;
 mod error;
 pub mod fetch;
 pub mod inventory;

@@ -1,6 +1,6 @@
 //! Published studies in a data folder, as their manifests describe them.
 
-use super::csv_study::MOST_BYTES;
+use super::csv_table::MOST_BYTES;
 use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
 use super::opinions::{Scores, Stimulus, StudyOpinions};
 use super::ratings::{Rating, read_ratings, read_types};

@@ -4,6 +4,8 @@
 //! * `MaterialType.csv`: `BRDF;Type`, `Dielectric` or `Metal`.
 
 use super::DatasetError;
+use super::csv_table::{csv_error, line_of};
+use super::error::field;
 use super::manifest::{RatedManifest, matches_pattern};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -27,8 +29,8 @@ fn read_lines(path: &Path, bytes: &[u8], header: &[&str]) -> Result<Vec<Line>, D
     let mut reader = csv::ReaderBuilder::new().delimiter(b';').has_headers(false).flexible(true).from_reader(bytes);
     let mut lines = Vec::new();
     for record in reader.records() {
-        let record = record.map_err(|e| super::csv_study::csv_error(path, &e))?;
-        let number = super::csv_study::line_of(bytes, &record);
+        let record = record.map_err(|e| csv_error(path, &e))?;
+        let number = line_of(bytes, &record);
         lines.push(Line { number, fields: record.iter().map(|f| f.trim().to_owned()).collect() });
     }
     let found = lines.first().map(|l| l.fields.join(";")).unwrap_or_default();
@@ -42,10 +44,6 @@ fn read_lines(path: &Path, bytes: &[u8], header: &[&str]) -> Result<Vec<Line>, D
         }
         None => Ok(rows),
     }
-}
-
-fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
-    DatasetError::Field { path: path.into(), line, field: field.into(), found, allowed }
 }
 
 /// Reads the ratings. Methods must be the manifest's, distances in 0..=1, and no pair is rated twice.

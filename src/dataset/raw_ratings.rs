@@ -5,7 +5,8 @@
 //! (the expected score of a control question, empty for every other row), `group` and `material_type`.
 //! [`RawLayout`] maps other columns to these.
 
-use super::csv_study::{MOST_BYTES, csv_error, line_of};
+use super::csv_table::{CsvTable, MOST_BYTES};
+use super::error::field;
 use super::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions};
 use super::raw_layout::RawLayout;
 use super::{Completeness, DatasetError, StudyFile};
@@ -73,18 +74,10 @@ pub fn load(path: &Path, layout: &RawLayout) -> Result<StudyOpinions, DatasetErr
 
 fn parse(path: &Path, bytes: &[u8], layout: &RawLayout) -> Result<(Vec<Stimulus>, RawRatings), DatasetError> {
     let delimiter = u8::try_from(layout.delimiter).unwrap_or(b',');
-    let mut reader =
-        csv::ReaderBuilder::new().delimiter(delimiter).trim(csv::Trim::All).flexible(true).from_reader(bytes);
-    let header = reader.headers().map_err(|e| csv_error(path, &e))?.clone();
-    let columns = check_header(path, &header, layout)?;
+    let mut table = CsvTable::new(path, bytes, delimiter)?;
+    let columns = check_header(path, table.header(), layout)?;
     let mut rows = Rows::new(path, layout);
-    for record in reader.records() {
-        let record = record.map_err(|e| csv_error(path, &e))?;
-        let line = line_of(bytes, &record);
-        if record.len() != header.len() {
-            let (found, allowed) = (record.len().to_string(), format!("{} as in the header", header.len()));
-            return Err(field(path, line, "the number of fields", found, allowed));
-        }
+    while let Some((line, record)) = table.next_row()? {
         rows.add(line, &|name: &str| columns.get(name).and_then(|&i| record.get(i)).unwrap_or(""))?;
     }
     rows.finish()
@@ -231,10 +224,6 @@ impl<'a> Rows<'a> {
         }
         Ok((self.listed, RawRatings { participants, judgements: self.judgements, gold: self.gold }))
     }
-}
-
-fn field(path: &Path, line: u64, field: &str, found: String, allowed: String) -> DatasetError {
-    DatasetError::Field { path: path.into(), line, field: field.into(), found, allowed }
 }
 
 #[cfg(test)]

@@ -14,10 +14,10 @@
 use super::EvaluationError;
 use crate::dataset::Row;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use vernis_metric::math::correlation::{
     CorrelationError, Ranking, kendall_counted, pearson_counted, rmse_counted, spearman, spearman_counted,
 };
+use vernis_metric::math::resampling::rows_by_name;
 
 /// Fewer candidates of a material have no meaningful order.
 pub const MIN_ROWS_PER_MATERIAL: usize = 3;
@@ -107,15 +107,12 @@ pub struct Ratings {
 
 impl Ratings {
     pub fn of<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Self {
-        let mut mos = Vec::new();
-        let (mut materials, mut groups) = (BTreeMap::<&str, Vec<usize>>::new(), BTreeMap::<&str, Vec<usize>>::new());
-        for (i, row) in rows.into_iter().enumerate() {
-            mos.push(row.mos);
-            materials.entry(&row.material).or_default().push(i);
-            groups.entry(&row.group).or_default().push(i);
-        }
+        let rows: Vec<&Row> = rows.into_iter().collect();
+        let mos: Vec<f64> = rows.iter().map(|row| row.mos).collect();
         let ranking = Ranking::of(&mos);
-        Self { mos, ranking, materials: materials.into_values().collect(), groups: groups.into_values().collect() }
+        let materials = rows_by_name(rows.iter().map(|row| row.material.as_str()));
+        let groups = rows_by_name(rows.iter().map(|row| row.group.as_str()));
+        Self { mos, ranking, materials, groups }
     }
 
     pub fn len(&self) -> usize {

@@ -10,7 +10,7 @@
 
 use super::EvaluationError;
 use super::agreement::{Figure, Predictions, Ratings};
-use super::bootstrap::{Bootstrapped, Resamples, holm};
+use super::bootstrap::{self, Bootstrapped, Resamples, holm};
 use super::cross_validation::FoldRecord;
 use super::dependent::DependentCorrelations;
 use super::records::{
@@ -100,7 +100,7 @@ impl Jury {
             .into_iter()
             .map(|(row_set, indices)| {
                 let ratings = Ratings::of(indices.iter().map(|&i| &rows[i]));
-                let resamples = Resamples::draw(&ratings, resamples, seed)?;
+                let resamples = bootstrap::draw(&ratings, resamples, seed)?;
                 Ok(Bench { row_set, indices, ratings, resamples })
             })
             .collect::<Result<_, EvaluationError>>()?;

@@ -1,8 +1,7 @@
 //! How sure a figure is: bootstrap over groups of materials, and paired differences on the same resamples.
 //!
-//! Ratings of one material hang together (its reference, its sisters), so whole groups are drawn with replacement, as
-//! many as there are; drawing rows would make the intervals about a third too narrow. Intervals are percentile
-//! intervals at 95 % (Efron & Tibshirani 1993, doi:10.1201/9780429246593, 13.3; quantiles interpolated linearly).
+//! Ratings of one material hang together (its reference, its sisters), so whole groups are drawn ([`Resamples`]); drawing
+//! rows would make the intervals about a third too narrow. Intervals are percentile intervals at 95 %.
 //! For a difference t between two metrics, judged on the same B resamples,
 //!
 //!   p = min(1, 2 min(1 + #{t_b <= 0}, 1 + #{t_b >= 0}) / (B + 1)),
@@ -13,53 +12,20 @@
 
 use super::EvaluationError;
 use super::agreement::{Agreement, Figure, Figures, Predictions, Prepared, Ratings};
-use rand::Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 pub use vernis_metric::math::quantile::Interval;
-use vernis_metric::math::seed;
+pub use vernis_metric::math::resampling::{MIN_RESAMPLES, Resamples};
 
 /// Resamples where nothing else is asked for.
 pub const DEFAULT_RESAMPLES: usize = 2000;
 
-/// Fewer resamples have no 2.5 % tail to speak of.
-pub const MIN_RESAMPLES: usize = 40;
-
-/// Multiplicities of the rows in each resample.
-#[derive(Debug, Clone)]
-pub struct Resamples {
-    counts: Vec<Vec<u32>>,
-}
-
-impl Resamples {
-    /// Draws `resamples` times as many groups as there are.
-    pub fn draw(ratings: &Ratings, resamples: usize, seed: u64) -> Result<Self, EvaluationError> {
-        let least = |what, found, least| {
-            if found < least { Err(EvaluationError::TooFew { what, found, least }) } else { Ok(()) }
-        };
-        least("resamples of a bootstrap", resamples, MIN_RESAMPLES)?;
-        least("groups of materials in a bootstrap", ratings.groups().len(), 2)?;
-        let groups = ratings.groups();
-        let draw = |index| {
-            let mut rng = seed::stream(seed, "material-bootstrap", index as u64);
-            let mut counts = vec![0; ratings.len()];
-            for _ in 0..groups.len() {
-                for &row in &groups[rng.random_range(0..groups.len())] {
-                    counts[row] += 1;
-                }
-            }
-            counts
-        };
-        Ok(Self { counts: (0..resamples).into_par_iter().map(draw).collect() })
-    }
-
-    pub fn len(&self) -> usize {
-        self.counts.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.counts.is_empty()
-    }
+/// Draws `resamples` times as many groups as there are.
+///
+/// # Errors
+/// Fewer than [`MIN_RESAMPLES`], or ratings of one group.
+pub fn draw(ratings: &Ratings, resamples: usize, seed: u64) -> Result<Resamples, EvaluationError> {
+    Ok(Resamples::draw(ratings.groups(), resamples, seed, "material-bootstrap")?)
 }
 
 /// The agreement of one metric, on the rows themselves and on every resample.
@@ -82,10 +48,10 @@ impl Bootstrapped {
         let agreement = Agreement::of(ratings, predictions)?;
         let prepared = Prepared::new(ratings, predictions)?;
         let replicates: Vec<Option<Agreement>> =
-            resamples.counts.par_iter().map(|counts| prepared.agreement(counts).ok()).collect();
-        let defined = replicates.iter().flatten().count();
-        let too_few = || EvaluationError::Resamples { metric: metric.to_owned(), defined, resamples: resamples.len() };
-        if 2 * defined < resamples.len() {
+            resamples.counts().par_iter().map(|counts| prepared.agreement(counts).ok()).collect();
+        let (defined, total) = (replicates.iter().flatten().count(), replicates.len());
+        let too_few = || EvaluationError::Resamples { metric: metric.to_owned(), defined, resamples: total };
+        if 2 * defined < total {
             return Err(too_few());
         }
         let interval = |figure| {
@@ -152,7 +118,9 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::dataset::Row;
+    use rand::Rng;
     use rand_chacha::ChaCha8Rng;
+    use vernis_metric::math::seed;
 
     /// `materials` of `per` rows whose ratings share an offset, and a prediction with errors shared as well.
     fn clustered(materials: usize, per: usize, rng: &mut ChaCha8Rng) -> (Ratings, Predictions) {
@@ -187,17 +155,6 @@ mod tests {
     }
 
     #[test]
-    fn resamples_draw_whole_groups() {
-        let (ratings, _) = clustered(12, 4, &mut seed::stream(1, "test", 0));
-        let resamples = Resamples::draw(&ratings, 100, 7).unwrap();
-        for counts in &resamples.counts {
-            assert_eq!(counts.iter().sum::<u32>(), 48);
-            assert!(ratings.groups().iter().all(|rows| rows.iter().all(|&r| counts[r] == counts[rows[0]])));
-        }
-        assert!(resamples.counts.windows(2).any(|pair| pair[0] != pair[1]));
-    }
-
-    #[test]
     fn intervals_cover_the_truth_about_as_often_as_they_say() {
         // The truth: r of a very large sample of the same process. 60 samples of 40 materials, 95 % intervals.
         let mut rng = seed::stream(3, "test", 0);
@@ -206,12 +163,12 @@ mod tests {
         let covered = (0..60)
             .filter(|&i| {
                 let (ratings, predictions) = clustered(40, 5, &mut rng);
-                let resamples = Resamples::draw(&ratings, 200, i).unwrap();
+                let resamples = draw(&ratings, 200, i).unwrap();
                 let judged = Bootstrapped::of("test", &ratings, &predictions, &resamples).unwrap();
                 judged.intervals.srocc.contains(truth)
             })
             .count();
-        // Binomial(60, .93): 49 to 60 with probability > .998. Resampling rows instead of materials covers 46.
+        // Binomial(60, 0.93): 49 to 60 with probability > 0.998. Resampling rows instead of materials covers 46.
         assert!((49..=60).contains(&covered), "{covered} of 60");
     }
 
@@ -221,7 +178,7 @@ mod tests {
         let (ratings, a) = clustered(80, 6, &mut rng);
         let worse: Vec<f64> = a.score.iter().map(|s| s + rng.random_range(-0.5..0.5)).collect();
         let b = Predictions { score: worse.clone(), mos: worse };
-        let resamples = Resamples::draw(&ratings, 400, 1).unwrap();
+        let resamples = draw(&ratings, 400, 1).unwrap();
         let judge = |p| Bootstrapped::of("test", &ratings, p, &resamples).unwrap();
         let (a, b) = (judge(&a), judge(&b));
         let d = a.difference(&b, Figure::Plcc).unwrap();
@@ -238,7 +195,7 @@ mod tests {
     #[test]
     fn one_group_cannot_be_resampled() {
         let (ratings, _) = clustered(1, 5, &mut seed::stream(1, "test", 0));
-        let error = Resamples::draw(&ratings, 100, 0).unwrap_err().to_string();
+        let error = draw(&ratings, 100, 0).unwrap_err().to_string();
         assert_eq!(error, "groups of materials in a bootstrap: found 1, allowed: at least 2");
     }
 }

@@ -14,6 +14,8 @@
 
 use super::bootstrap::Interval;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_1_SQRT_2;
+use vernis_metric::math::erf::erfc;
 
 /// The 97.5 % quantile of the normal distribution.
 const Z_95: f64 = 1.959963984540054;
@@ -55,21 +57,10 @@ impl DependentCorrelations {
     }
 }
 
-/// P(|Z| >= |z|) for a standard normal Z: a power series near 0 and a continued fraction in the tail
-/// (Abramowitz & Stegun 1964, 26.2.11 and 26.2.14).
+/// P(|Z| >= |z|) for a standard normal Z: erfc(|z|/sqrt 2), Abramowitz & Stegun 1964, 26.2.29.
 fn two_sided_normal_tail(z: f64) -> f64 {
-    let z = z.abs();
-    let density = (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    if z < 3.0 {
-        let (mut term, mut sum) = (z, z);
-        for k in 1..60 {
-            term *= z * z / (2 * k + 1) as f64;
-            sum += term;
-        }
-        return 1.0 - 2.0 * density * sum;
-    }
-    let fraction = (1..=100).rev().fold(z, |below, k| z + f64::from(k) / below);
-    2.0 * density / fraction
+    // At 0 erfc may exceed 1 by its rounding.
+    erfc(z.abs() * FRAC_1_SQRT_2).min(1.0)
 }
 
 #[cfg(test)]

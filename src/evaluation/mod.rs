@@ -20,6 +20,7 @@ use crate::train::TrainError;
 use thiserror::Error;
 use vernis_metric::math::correlation::CorrelationError;
 use vernis_metric::math::logistic::LogisticError;
+use vernis_metric::math::resampling::ResamplingError;
 
 /// Why agreement with people could not be measured.
 #[derive(Debug, Error)]
@@ -42,6 +43,8 @@ pub enum EvaluationError {
     Resamples { metric: String, defined: usize, resamples: usize },
     #[error("{what}: found {found}, allowed: at least {least}")]
     TooFew { what: &'static str, found: usize, least: usize },
+    #[error(transparent)]
+    Resampling(#[from] ResamplingError),
     #[error("no column is called {name} among the {columns} of the samples")]
     UnknownColumn { name: String, columns: usize },
     #[error(transparent)]

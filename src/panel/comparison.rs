@@ -5,7 +5,6 @@
 
 use super::analysis::{Notes, Options, mean, means_and_variances};
 use super::anova::{Anova, Factor, anova};
-use super::bootstrap::{self, Resamples};
 use super::box_plot::BoxPlot;
 use super::error::StudyError;
 use super::record::{BoxSet, IlluminationComparison, NamedBox, RatedStimulus, TypeComparison};
@@ -14,6 +13,7 @@ use super::t_test::{TTest, paired, welch};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::math::correlation::{Ranking, pearson, pearson_counted, spearman, spearman_counted};
+use vernis_metric::math::resampling::{self, Resamples, rows_by_name};
 
 const TYPE: &str = "material type";
 const METHOD: &str = "method";
@@ -51,8 +51,9 @@ impl<'a> Comparison<'a> {
         let main = |o: &RatedStimulus| o.stimulus.illumination.as_deref() == illuminations.first().copied();
         let (references, approximations) =
             (0..opinions.len()).filter(|&i| main(&opinions[i])).partition(|&i| opinions[i].stimulus.is_reference());
-        let groups: Vec<&str> = opinions.iter().map(|o| o.stimulus.group.as_str()).collect();
-        let resamples = notes.keep("intervals by material", Resamples::draw(&groups, options.resamples, options.seed));
+        let groups = rows_by_name(opinions.iter().map(|o| o.stimulus.group.as_str()));
+        let drawn = Resamples::draw(&groups, options.resamples, options.seed, "study-bootstrap");
+        let resamples = notes.keep("intervals by material", drawn.map_err(StudyError::from));
         let mos = opinions.iter().map(|o| o.opinion.mos).collect();
         Self { opinions, mos, measured, illuminations, approximations, references, resamples }
     }
@@ -85,7 +86,7 @@ impl<'a> Comparison<'a> {
         let [a, b] = types.map(|t| of(&self.approximations, t));
         let mos = notes.keep(what, welch(&self.pick(&a), &self.pick(&b)))?;
         let by_material = self.resamples.as_ref().and_then(|resamples| {
-            let means = |counts: &[u32]| [&a, &b].map(|rows| bootstrap::mean(&self.mos, rows, counts));
+            let means = |counts: &[u32]| [&a, &b].map(|rows| resampling::mean(&self.mos, rows, counts));
             resamples.interval(|counts| match means(counts) {
                 [Some(a), Some(b)] => Some(a - b),
                 _ => None,
@@ -203,7 +204,7 @@ impl<'a> Comparison<'a> {
                 mean_interval: self
                     .resamples
                     .as_ref()
-                    .and_then(|resamples| resamples.interval(|counts| bootstrap::mean(&self.mos, &rows, counts))),
+                    .and_then(|resamples| resamples.interval(|counts| resampling::mean(&self.mos, &rows, counts))),
                 interval_width: if self.measured { BoxPlot::of(&widths) } else { None },
             })
         };

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 use vernis_metric::math::correlation::CorrelationError;
+use vernis_metric::math::resampling::ResamplingError;
 
 /// Errors of this room.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -26,6 +27,8 @@ pub enum StudyError {
     AllRejected { left: usize, participants: usize },
     #[error("{0}")]
     Correlation(#[from] CorrelationError),
+    #[error(transparent)]
+    Resampling(#[from] ResamplingError),
 }
 
 /// Fails where `found` is less than `least`.

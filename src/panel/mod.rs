@@ -6,7 +6,6 @@
 
 mod analysis;
 pub mod anova;
-pub mod bootstrap;
 pub mod box_plot;
 mod comparison;
 pub mod distribution;

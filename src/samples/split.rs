@@ -8,6 +8,7 @@ use rand::seq::SliceRandom;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use vernis_metric::descriptor::Column;
+use vernis_metric::math::resampling::places;
 use vernis_metric::math::seed;
 
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -96,12 +97,9 @@ impl TrainingSet {
 
     /// A bootstrap resample by group: as many groups as there are, drawn with replacement.
     pub fn resample_groups(&self, seed: u64, index: u64) -> Self {
-        use rand::Rng;
-        let by_group = groups(&self.samples);
-        let all: Vec<&Vec<usize>> = by_group.values().collect();
-        let mut rng = seed::stream(seed, "resample-groups", index);
-        let rows: Vec<usize> =
-            (0..all.len()).flat_map(|_| all[rng.random_range(0..all.len())].iter().copied()).collect();
+        let groups: Vec<Vec<usize>> = groups(&self.samples).into_values().collect();
+        let drawn = places(groups.len(), seed, "resample-groups", index);
+        let rows: Vec<usize> = drawn.flat_map(|group| groups[group].iter().copied()).collect();
         Self { samples: self.samples.select_rows(&rows) }
     }
 }

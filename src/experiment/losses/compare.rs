@@ -17,9 +17,8 @@ use super::{Loss, OPINION};
 use crate::evaluation::EvaluationError;
 use crate::evaluation::bootstrap::{Difference, Interval, MIN_RESAMPLES, holm};
 use crate::experiment::ExperimentError;
-use rand::Rng;
 use std::collections::{BTreeMap, BTreeSet};
-use vernis_metric::math::seed;
+use vernis_metric::math::resampling::places;
 
 /// Corrected p-values below this count as a difference.
 const SIGNIFICANCE: f64 = 0.05;
@@ -165,11 +164,7 @@ fn relative(a: f64, b: f64) -> f64 {
 
 /// Places of the materials in each resample.
 fn draws(materials: usize, resamples: usize, seed: u64) -> Vec<Vec<usize>> {
-    let draw = |index| {
-        let mut rng = seed::stream(seed, "material-bootstrap", index);
-        (0..materials).map(|_| rng.random_range(0..materials)).collect()
-    };
-    (0..resamples as u64).map(draw).collect()
+    (0..resamples as u64).map(|index| places(materials, seed, "material-bootstrap", index).collect()).collect()
 }
 
 fn comparison(
@@ -216,6 +211,7 @@ fn decide(all: &mut [Comparison]) {
 mod tests {
     use super::*;
     use rand::Rng;
+    use vernis_metric::math::seed;
 
     /// Differences of `n` materials around `mean`, evenly within +-`spread`.
     fn around(mean: f64, spread: f64, n: usize) -> Vec<f64> {

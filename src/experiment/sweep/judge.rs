@@ -5,7 +5,7 @@ use super::run::{Outcome, Setting};
 use crate::dataset::Row;
 use crate::evaluation::EvaluationError;
 use crate::evaluation::agreement::{Agreement, Predictions, Ratings};
-use crate::evaluation::bootstrap::{Bootstrapped, Interval, Resamples};
+use crate::evaluation::bootstrap::{self, Bootstrapped, Interval};
 use crate::evaluation::cross_validation::{cross_validate, in_sample};
 use crate::experiment::ExperimentError;
 use crate::samples::Samples;
@@ -78,7 +78,7 @@ pub fn judge(
     }
     let samples = samples_of(rows, &columns)?;
     let ratings = Ratings::of(rows);
-    let drawn = Resamples::draw(&ratings, resamples, seed)?;
+    let drawn = bootstrap::draw(&ratings, resamples, seed)?;
     let row = |name: &str, predictions: &Predictions| -> Result<SweepRow, ExperimentError> {
         let found = Bootstrapped::of(name, &ratings, predictions, &drawn)?;
         let judged = |figure: fn(&Agreement) -> f64, interval| Judged { value: figure(&found.agreement), interval };

@@ -158,16 +158,8 @@ pub fn mean_log_luminance(table: &NodeTable, profile: &AngularProfile, region: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brdf::Brdf;
-    use crate::math::{Rgb, Vec3};
-
-    struct Constant(Rgb);
-
-    impl Brdf for Constant {
-        fn eval(&self, _: Vec3, _: Vec3) -> Option<Rgb> {
-            Some(self.0)
-        }
-    }
+    use crate::descriptor::constant::Constant;
+    use crate::math::Rgb;
 
     fn parts(value: Rgb) -> (NodeTable, AngularProfile) {
         let table = NodeTable::sample(&Constant(value)).unwrap();

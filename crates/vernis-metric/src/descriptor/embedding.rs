@@ -130,16 +130,7 @@ impl From<Embedding> for EmbeddingParts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brdf::Brdf;
-    use crate::math::{Rgb, Vec3};
-
-    struct Constant(Rgb);
-
-    impl Brdf for Constant {
-        fn eval(&self, _: Vec3, _: Vec3) -> Option<Rgb> {
-            Some(self.0)
-        }
-    }
+    use crate::descriptor::constant::Constant;
 
     fn parts() -> EmbeddingParts {
         // The mean of each channel over the nodes.

@@ -7,6 +7,8 @@ pub mod angular;
 mod cache;
 mod column;
 pub mod compact;
+#[cfg(test)]
+mod constant;
 pub mod context;
 mod display;
 pub mod embedding;

@@ -77,16 +77,7 @@ fn quantiles(mut samples: Vec<(f64, f64)>) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brdf::Brdf;
-    use crate::math::{Rgb, Vec3};
-
-    struct Constant(Rgb);
-
-    impl Brdf for Constant {
-        fn eval(&self, _: Vec3, _: Vec3) -> Option<Rgb> {
-            Some(self.0)
-        }
-    }
+    use crate::descriptor::constant::Constant;
 
     #[test]
     fn two_constants_are_as_far_apart_as_their_fourth_roots() {

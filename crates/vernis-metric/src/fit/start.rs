@@ -8,13 +8,13 @@
 //! over its range, and the candidates with the lowest loss are the starts. Which colours are linear is found out by trying:
 //! a field of three channels in which, together with those before, the model is affine to rounding.
 //!
-//! The least squares under bounds are solved by coordinate descent on the normal equations (Franc et al. 2005,
-//! doi:10.1007/11556121_50). Cost: about a hundred evaluations of the loss.
+//! The least squares under bounds are those of [`within_bounds`]. Cost: about a hundred evaluations of the loss.
 
 use super::loss::{Lattice, Loss};
 use super::{FitError, Space};
 use crate::brdf::models::NamedParameters;
 use crate::math::coordinates::standard_directions;
+use crate::math::least_squares::within_bounds;
 use crate::math::{Rgb, Vec3};
 
 /// Values tried along each field of the shape.
@@ -25,7 +25,6 @@ const SWEPT_FIELDS: usize = 8;
 const OFF_PEAK: f64 = 45.0;
 /// Keeps relative weights finite, as in the logarithmic metrics.
 const EPSILON: f64 = 1e-3;
-const DESCENTS: usize = 200;
 
 /// A start and its loss.
 #[derive(Debug, Clone, PartialEq)]
@@ -233,7 +232,7 @@ impl<'a> LinearColours<'a> {
             }
             let place = |i: usize| self.fields[i].first + c;
             let bounds: Vec<(f64, f64)> = chosen.iter().map(|&i| self.space.schema()[place(i)].bounds).collect();
-            let x = bounded_least_squares(&matrix, &right, &bounds);
+            let x = within_bounds(&matrix, &right, &bounds);
             chosen.iter().zip(x).for_each(|(&i, x)| solved[place(i)] = x);
         }
         Ok(solved)
@@ -267,21 +266,6 @@ fn is_affine(space: &Space, fields: &[Field]) -> Result<bool, FitError> {
     }))
 }
 
-/// The minimum of x.A x/2 - b.x within bounds, for a small positive semidefinite A.
-fn bounded_least_squares(a: &[f64], b: &[f64], bounds: &[(f64, f64)]) -> Vec<f64> {
-    let n = b.len();
-    let mut x: Vec<f64> = bounds.iter().map(|(low, _)| *low).collect();
-    for _ in 0..DESCENTS {
-        for i in 0..n {
-            if a[i * n + i] > 0.0 {
-                let others: f64 = (0..n).filter(|j| *j != i).map(|j| a[i * n + j] * x[j]).sum();
-                x[i] = ((b[i] - others) / a[i * n + i]).clamp(bounds[i].0, bounds[i].1);
-            }
-        }
-    }
-    x
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -304,15 +288,6 @@ mod tests {
             let space = Space::of(model).unwrap();
             assert_eq!(LinearColours::of(&space, &lattice).unwrap().fields.len(), expected, "{model}");
         }
-    }
-
-    #[test]
-    fn bounds_hold_and_the_rest_is_solved() {
-        // Unbounded solution (1, -1); with x_1 >= 0 it is (0.5, 0).
-        let x = bounded_least_squares(&[2.0, 1.0, 1.0, 2.0], &[1.0, -1.0], &[(0.0, 5.0), (0.0, 5.0)]);
-        assert_eq!(x, [0.5, 0.0]);
-        let x = bounded_least_squares(&[2.0, 1.0, 1.0, 2.0], &[1.0, -1.0], &[(-5.0, 5.0), (-5.0, 5.0)]);
-        assert!((x[0] - 1.0).abs() < 1e-12 && (x[1] + 1.0).abs() < 1e-12);
     }
 
     #[test]

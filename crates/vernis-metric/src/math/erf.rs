@@ -4,9 +4,13 @@
 //!
 //! For x >= 0, erfc(x) = t exp(-x^2 + P(t)), t = 2/(2 + x), where P is a sum of Chebyshev polynomials over 0 <= t <= 1;
 //! erfc(-x) = 2 - erfc(x). The coefficients are those of ln(exp(x^2) erfc(x) / t), by cosine sums over 200 Chebyshev nodes.
-//! Absolute error below 3e-15, relative error of erfc below 4e-15 for x < 5 (1e-13 up to where it underflows, from x^2).
+//! Absolute error below 3e-15, relative error of erfc below 6e-15 for x < 5 (2e-13 up to where it underflows, from x^2).
 //! Source: Abramowitz & Stegun 1964, 7.1; Clenshaw 1955, doi:10.1090/S0025-5718-1955-0071856-0 (the summation).
 //! Cost: one exponential and 24 multiplications.
+//!
+//! `statrs`, which has both functions as well, is a thousand times as far off: against 50 digits of mpmath at 4001 places
+//! from -6 to 6, its largest absolute error is 5e-11 (near 0.5), ours 2e-15; its largest relative error of erfc is 1e-10,
+//! ours 1.5e-14. Models that shadow by erf would show it in the tenth digit of a distance.
 
 /// Chebyshev coefficients of P, the first one halved.
 const P: [f64; 24] = [

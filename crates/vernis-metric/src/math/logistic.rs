@@ -8,14 +8,19 @@
 //!
 //! Fitted by least squares. Given centre and slope the asymptotes are a linear regression (variable projection, Golub
 //! & Pereyra 1973, doi:10.1137/0710036), so only two parameters are searched: a fixed grid of starts in robust units
-//! of x, then Nelder & Mead (1965), doi:10.1093/comjnl/7.4.308, from the best two. The search is bounded: a straight
-//! line or a step would otherwise send the parameters to infinity. Deterministic. Cost: about 200 passes over the points.
+//! of x, then the simplex of [`super::nelder_mead`] from the best two. The search is bounded: a straight line or a step
+//! would otherwise send the parameters to infinity. Deterministic. Cost: about 200 passes over the points.
 
+use super::nelder_mead::{Factors, Mean, Settings, Stop, minimise};
+use std::convert::Infallible;
 use thiserror::Error;
 
 /// Bounds of the slope in robust units of x: from nearly a straight line to nearly a step.
 const SLOPE_RANGE: (f64, f64) = (0.05, 1000.0);
-const STEPS: usize = 120;
+/// First step of the search along the centre, in robust units of x, and along the logarithm of the slope.
+const EDGES: [f64; 2] = [0.5, 0.5];
+const SEARCH: Settings =
+    Settings { factors: Factors::CLASSIC, stop: Stop::Spread(1e-12), mean: Mean::Running, most_steps: 120 };
 
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum LogisticError {
@@ -55,6 +60,11 @@ impl Logistic4 {
             let [centre, log_slope] = clamp(p);
             regress(&t, y, centre, log_slope.exp()).2
         };
+        let search = |start: [f64; 2]| {
+            let value = |p: &mut [f64]| Ok::<_, Infallible>(loss([p[0], p[1]]));
+            let Ok((p, least)) = minimise(start.to_vec(), &EDGES, &SEARCH, value);
+            ([p[0], p[1]], least)
+        };
         let mut starts: Vec<([f64; 2], f64)> = [-2.0, -1.0, 0.0, 1.0, 2.0, 4.0]
             .iter()
             .flat_map(|&centre| [-1.0, 0.5, 2.0].map(|log_slope| clamp([centre, log_slope])))
@@ -64,7 +74,7 @@ impl Logistic4 {
         let best = starts
             .iter()
             .take(2)
-            .map(|(start, _)| nelder_mead(*start, &loss))
+            .map(|(start, _)| search(*start))
             .fold(starts[0], |a, b| if b.1 < a.1 { b } else { a });
         let [centre, log_slope] = clamp(best.0);
         let (low, amplitude, _) = regress(&t, y, centre, log_slope.exp());
@@ -127,39 +137,6 @@ fn regress(t: &[f64], y: &[f64], centre: f64, slope: f64) -> (f64, f64, f64) {
     let low = mean_y - amplitude * mean_p;
     let loss = p.iter().zip(y).map(|(p, y)| (y - low - amplitude * p).powi(2)).sum();
     (low, amplitude, loss)
-}
-
-/// Minimum of `loss` downhill from `start`, and its value.
-fn nelder_mead(start: [f64; 2], loss: &impl Fn([f64; 2]) -> f64) -> ([f64; 2], f64) {
-    let along = |a: [f64; 2], b: [f64; 2], s: f64| [a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])];
-    let valued = |p: [f64; 2]| (p, loss(p));
-    let mut simplex = [valued(start), valued([start[0] + 0.5, start[1]]), valued([start[0], start[1] + 0.5])];
-    for _ in 0..STEPS {
-        simplex.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let [best, middle, worst] = simplex;
-        if worst.1 - best.1 <= 1e-12 * best.1 {
-            break;
-        }
-        let centroid = along(best.0, middle.0, 0.5);
-        let reflected = valued(along(centroid, worst.0, -1.0));
-        simplex[2] = if reflected.1 < best.1 {
-            let expanded = valued(along(centroid, worst.0, -2.0));
-            if expanded.1 < reflected.1 { expanded } else { reflected }
-        } else if reflected.1 < middle.1 {
-            reflected
-        } else {
-            let side = if reflected.1 < worst.1 { -0.5 } else { 0.5 };
-            let contracted = valued(along(centroid, worst.0, side));
-            if contracted.1 >= worst.1.min(reflected.1) {
-                simplex[1] = valued(along(best.0, middle.0, 0.5));
-                valued(along(best.0, worst.0, 0.5))
-            } else {
-                contracted
-            }
-        };
-    }
-    simplex.sort_by(|a, b| a.1.total_cmp(&b.1));
-    simplex[0]
 }
 
 #[cfg(test)]

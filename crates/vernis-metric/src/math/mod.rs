@@ -1,5 +1,5 @@
-//! Directions, coordinates, colour spaces, correlations, quantiles, least squares, Cholesky factors, the logistic curve, dense layers, dual
-//! numbers, the error function and seeds.
+//! Directions, coordinates, colour spaces, correlations, quantiles, least squares, Cholesky factors, the simplex of Nelder and
+//! Mead, the logistic curve, dense layers, dual numbers, the error function, resamples and seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
@@ -13,7 +13,9 @@ pub mod erf;
 pub mod layers;
 pub mod least_squares;
 pub mod logistic;
+pub mod nelder_mead;
 pub mod quantile;
+pub mod resampling;
 pub mod seed;
 pub mod spherical_harmonics;
 mod vec3;

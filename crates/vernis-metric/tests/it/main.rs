@@ -8,7 +8,6 @@ mod graph;
 mod lp;
 mod lp_golden;
 mod naive_lp;
-mod schema;
 mod transport;
 mod transport_golden;
 mod transport_pairs;

@@ -10,11 +10,9 @@
 use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
 use crate::math::{Rgb, Vec3};
 use crate::metric::MetricError;
+use crate::metric::lp::{AZIMUTHS, POLAR};
 use rayon::prelude::*;
 
-/// Cells along each polar angle, and along phi_d: those of the Lp metrics.
-const POLAR: usize = 90;
-const AZIMUTHS: usize = 360;
 /// Within this angle between half vector and normal, degrees, no cell is left out.
 pub const NEAR: f64 = 2.5;
 /// Cells that a thread handles at a time; the sums of chunks are added up in order.

@@ -3,25 +3,21 @@
 //! With all cells it is the metric's number but for rounding; a [`Lattice`] of fewer cells weighs each by those it stands for.
 //! Cost: one value of the model a direction, about 4 ms for GGX with a coarsening of 3, against 80 ms with all cells.
 
-use super::formula::{CellFormula, cosine};
 use super::lattice::{Lattice, Sample};
 use super::{DifferentiableLoss, Loss};
 use crate::brdf::Brdf;
 use crate::brdf::models::{AnalyticBrdf, DifferentiableBrdf};
 use crate::metric::MetricError;
-use crate::metric::lp::LpVariant;
-
-/// Polar angles of the clamped variants end here, degrees.
-const CLAMPED: usize = 80;
-const ALL: usize = 90;
+use crate::metric::lp::{CellFormula, Formula, LpVariant, POLAR, POLAR_CLAMPED, Weights};
 
 /// One Lp variant against one reference.
 pub struct LpLoss {
     name: String,
-    formula: CellFormula,
+    formula: Formula,
+    cell: CellFormula,
     /// Its reference values are those of the formula's curve.
     lattice: Lattice,
-    /// Weight and cosine by 90 theta_i + theta_o.
+    /// Weight and cosine by [`POLAR`] theta_i + theta_o.
     weights: Vec<(f64, f64)>,
     cells: f64,
 }
@@ -35,16 +31,19 @@ impl LpLoss {
     /// # Errors
     /// Those of [`Lattice::new`].
     pub fn new(reference: &dyn Brdf, variant: LpVariant, coarsening: usize) -> Result<Option<Self>, MetricError> {
-        let Some(formula) = CellFormula::of(variant) else { return Ok(None) };
-        let mut lattice = Lattice::new(reference, coarsening, if variant.clamped { CLAMPED } else { ALL })?;
-        let weight = |k: usize| (formula.weight(k / ALL, k % ALL), cosine(k / ALL, k % ALL));
-        let weights: Vec<(f64, f64)> = (0..ALL * ALL).map(weight).collect();
+        let Some(cell) = CellFormula::of(variant) else { return Ok(None) };
+        let mut lattice = Lattice::new(reference, coarsening, if variant.clamped { POLAR_CLAMPED } else { POLAR })?;
+        let weight = |k: usize| {
+            let weights = Weights::at(k / POLAR, k % POLAR);
+            (weights.of(variant.formula), weights.cosine)
+        };
+        let weights: Vec<(f64, f64)> = (0..POLAR * POLAR).map(weight).collect();
         for sample in &mut lattice.samples {
             let (_, c) = weights[sample.row()];
-            sample.reference = sample.reference.map(|rgb| rgb.map(|f| formula.curve(f, c)));
+            sample.reference = sample.reference.map(|rgb| rgb.map(|f| cell.curve(f, c)));
         }
         let cells = lattice.samples.iter().map(Sample::cells).sum();
-        Ok(Some(Self { name: variant.to_string(), formula, lattice, weights, cells }))
+        Ok(Some(Self { name: variant.to_string(), formula: variant.formula, cell, lattice, weights, cells }))
     }
 
     /// Whether `variant` can be had on fewer cells: all but those that compare colours.
@@ -63,9 +62,9 @@ impl LpLoss {
             let (wi, wo) = self.lattice.directions(sample);
             let value = checked(candidate.value(wi, wo))?;
             let (weight, cosine) = self.weights[sample.row()];
-            let g = value.map(|f| self.formula.curve(f, cosine));
+            let g = value.map(|f| self.cell.curve(f, cosine));
             for side in (0..2).filter(|side| sample.count[*side] > 0.0) {
-                let term = |c: usize| self.formula.term(g[c] - sample.reference[side][c]);
+                let term = |c: usize| self.cell.term(g[c] - sample.reference[side][c]);
                 sum += weight * f64::from(sample.count[side]) * (term(0) + term(1) + term(2));
             }
         }
@@ -83,12 +82,12 @@ impl LpLoss {
             let (weight, cosine) = self.weights[sample.row()];
             let mut outer = [0.0; 3];
             for c in 0..3 {
-                let g = self.formula.curve(value[c], cosine);
-                let slope = self.formula.curve_slope(value[c], g, cosine);
+                let g = self.cell.curve(value[c], cosine);
+                let slope = self.cell.curve_slope(value[c], g, cosine);
                 for side in 0..2 {
                     let (cells, difference) = (f64::from(sample.count[side]), g - sample.reference[side][c]);
-                    sums[count] += weight * cells * self.formula.term(difference);
-                    outer[c] += weight * cells * self.formula.term_slope(difference) * slope;
+                    sums[count] += weight * cells * self.cell.term(difference);
+                    outer[c] += weight * cells * self.cell.term_slope(difference) * slope;
                 }
             }
             for (sum, d) in sums.iter_mut().zip(&d) {
@@ -114,7 +113,7 @@ impl Loss for LpLoss {
     }
 
     fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
-        self.formula.is_differentiable().then_some(self)
+        self.cell.is_differentiable().then_some(self)
     }
 }
 

@@ -7,7 +7,6 @@
 //! | any other | [`MetricLoss`]; that of a learned metric is the prediction before it is cut off at zero | their own |
 
 mod blend;
-mod formula;
 mod lattice;
 mod lp;
 mod prepared;

@@ -1,8 +1,8 @@
 //! Minimisers of a function of a few variables over a box.
 //!
 //! [`Method::HookeJeeves`] is the study's; [`Method::NelderMead`] needs no gradient either; [`Method::Lbfgs`] needs one.
-//! All three are written here: they are a page each, and what crates offer takes no bounds (the L-BFGS and the simplex of
-//! `argmin`), or wraps another language.
+//! All three are our own ([`crate::math::nelder_mead`] for the simplex): they are a page each, and what crates offer takes
+//! no bounds (the L-BFGS and the simplex of `argmin`), or wraps another language.
 //!
 //! An optimiser sees its function through a `Run`, which counts evaluations, remembers the best point whatever happens
 //! afterwards, and ends the search when the evaluations are spent. An evaluation of value and gradient counts as one.
@@ -187,8 +187,12 @@ impl<'a> Run<'a> {
 
     /// The point of the box next to `x`.
     fn inside(&self, mut x: Vec<f64>) -> Vec<f64> {
-        x.iter_mut().zip(self.objective.bounds()).for_each(|(x, &(low, high))| *x = x.clamp(low, high));
+        self.move_inside(&mut x);
         x
+    }
+
+    fn move_inside(&self, x: &mut [f64]) {
+        x.iter_mut().zip(self.objective.bounds()).for_each(|(x, &(low, high))| *x = x.clamp(low, high));
     }
 
     fn value(&mut self, x: &[f64]) -> Result<f64, Halt> {

@@ -62,7 +62,7 @@ impl Block {
     }
 
     /// Fills the places of `extent` from the samples of a whole circle or of its first half.
-    fn place(&mut self, values: &[Option<Rgb>], extent: Extent) {
+    pub fn place(&mut self, values: &[Option<Rgb>], extent: Extent) {
         let [red, green, blue] = &mut self.rgb;
         for place in 0..extent.cells {
             let sample = extent.azimuth(place).and_then(|k| values[if k < values.len() { k } else { AZIMUTHS - k }]);

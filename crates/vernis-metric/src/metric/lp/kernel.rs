@@ -83,6 +83,21 @@ pub(super) struct BlockSums {
     pub lab: [f64; 3],
 }
 
+impl BlockSums {
+    /// Those that a formula weighs.
+    pub fn of(&self, formula: Formula) -> &[f64; 3] {
+        match formula {
+            Formula::D1 | Formula::D2 | Formula::D4 => &self.square,
+            Formula::D5 => &self.absolute,
+            Formula::D3 | Formula::D7 => &self.root,
+            Formula::D8 => &self.log,
+            Formula::D9 => &self.log_square,
+            Formula::D6 => &self.study_lab,
+            Formula::Lab => &self.lab,
+        }
+    }
+}
+
 /// Three channels, or three colour coordinates.
 type Planes = [Plane; 3];
 
@@ -273,7 +288,7 @@ fn transform(matrix: &[[f64; 3]; 3], c: [f64; 3]) -> [f64; 3] {
 
 /// The matrix of the study's program over its white: RGB is multiplied from the left, so that the columns of the
 /// usual matrix weigh the channels; the white is that of values up to 100.
-const STUDY_XYZ: [[f64; 3]; 3] = [
+pub(super) const STUDY_XYZ: [[f64; 3]; 3] = [
     [0.412453 / 95.047, 0.212671 / 95.047, 0.019334 / 95.047],
     [0.357580 / 100.0, 0.715160 / 100.0, 0.119193 / 100.0],
     [0.180423 / 108.883, 0.072169 / 108.883, 0.950227 / 108.883],
@@ -282,7 +297,7 @@ const STUDY_XYZ: [[f64; 3]; 3] = [
 /// The study's colour coordinates: f takes the cube root where it should be a line, and a line of slope 84/108 (for
 /// 841/108) where it should be a cube root; L* is linear throughout.
 #[inline(always)]
-fn study_lab(rgb: [f64; 3], relative_xyz: &[[f64; 3]; 3]) -> [f64; 3] {
+pub(super) fn study_lab(rgb: [f64; 3], relative_xyz: &[[f64; 3]; 3]) -> [f64; 3] {
     let [x, y, z] = transform(relative_xyz, rgb);
     // Both branches are computed, so that the loop has none.
     let f = |t: f64| select(t < CIELAB_LINEAR_BELOW, cbrt(t), 84.0 / 108.0 * t + 16.0 / 116.0);

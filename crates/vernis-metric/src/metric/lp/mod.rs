@@ -33,11 +33,13 @@
 
 mod block;
 mod elementary;
+mod formula;
 mod kernel;
 mod metric;
 mod pass;
 mod variant;
 
+pub(crate) use formula::{CellFormula, Weights};
 pub use metric::LpMetric;
 pub use variant::{Formula, LpVariant, NotAnLpVariant};
 
@@ -55,11 +57,11 @@ pub const VERSION: &str = "2";
 pub const FAMILY: &str = "lp";
 
 /// Cells along each polar angle, one degree apart.
-const POLAR: usize = 90;
+pub(crate) const POLAR: usize = 90;
 /// Cells along each polar angle that the clamped variants keep.
-const POLAR_CLAMPED: usize = 80;
+pub(crate) const POLAR_CLAMPED: usize = 80;
 /// Cells along the azimuth difference, one degree apart.
-const AZIMUTHS: usize = 360;
+pub(crate) const AZIMUTHS: usize = 360;
 /// Keeps logarithms and the cosine weight away from zero.
 const EPSILON: f64 = 1e-3;
 

@@ -1,9 +1,10 @@
 //! The one pass over two BRDFs: blocks in parallel rows, added up in a fixed order.
 
+use super::POLAR_CLAMPED;
 use super::block::{Cells, Extent};
+use super::formula::Weights;
 use super::kernel::{BlockSums, Work, Workspace};
 use super::variant::{Formula, LpVariant};
-use super::{EPSILON, POLAR, POLAR_CLAMPED};
 use crate::metric::MetricError;
 use rayon::prelude::*;
 
@@ -87,7 +88,7 @@ fn row(reference: &dyn Cells, candidate: &dyn Cells, work: &Work, i: usize) -> R
         let weights = Weights::at(i, o);
         sums.all.cells += space.reference.mask(&mut space.candidate, extent);
         for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(extent, weights.cosine, work)) {
-            weights.add(&block, terms);
+            add(&block, &weights, terms);
         }
     }
     if work.limit <= POLAR_CLAMPED {
@@ -96,42 +97,12 @@ fn row(reference: &dyn Cells, candidate: &dyn Cells, work: &Work, i: usize) -> R
     Ok(sums)
 }
 
-/// The weights of the formulas, which depend on the polar angles alone.
-struct Weights {
-    cos_i: f64,
-    cos_o: f64,
-    sin_o: f64,
-    /// c(theta_i, theta_o) of D7, D8 and D9.
-    cosine: f64,
-}
-
-impl Weights {
-    fn at(i: usize, o: usize) -> Self {
-        let degrees = |index: usize| index as f64 * (90.0 / POLAR as f64);
-        let (sin_o, cos_o) = degrees(o).to_radians().sin_cos();
-        let cos_i = degrees(i).to_radians().cos();
-        Self { cos_i, cos_o, sin_o, cosine: (cos_i * cos_o).max(EPSILON) }
-    }
-
-    fn add(&self, block: &BlockSums, terms: &mut FormulaSums) {
-        let cbrt_of_square = |x: f64| (x * x).cbrt();
-        let terms_of = |formula| match formula {
-            Formula::D1 => (1.0, &block.square),
-            Formula::D2 => (self.cos_i * self.cos_i, &block.square),
-            Formula::D3 => (cbrt_of_square(self.cos_i), &block.root),
-            Formula::D4 => (self.cos_o * self.sin_o, &block.square),
-            Formula::D5 => (1.0, &block.absolute),
-            Formula::D6 => (self.cos_o * self.cos_i, &block.study_lab),
-            Formula::D7 => (cbrt_of_square(self.cosine), &block.root),
-            Formula::D8 => (1.0, &block.log),
-            Formula::D9 => (1.0, &block.log_square),
-            Formula::Lab => (self.cos_o * self.cos_i, &block.lab),
-        };
-        for formula in Formula::ALL {
-            let (weight, sums) = terms_of(formula);
-            for (term, sum) in terms[formula as usize].iter_mut().zip(sums) {
-                *term += weight * sum;
-            }
+/// Adds the weighted sums of a block to the terms of every formula.
+fn add(block: &BlockSums, weights: &Weights, terms: &mut FormulaSums) {
+    for formula in Formula::ALL {
+        let weight = weights.of(formula);
+        for (term, sum) in terms[formula as usize].iter_mut().zip(block.of(formula)) {
+            *term += weight * sum;
         }
     }
 }
@@ -141,8 +112,77 @@ mod tests {
     use super::*;
     use crate::brdf::Brdf;
     use crate::brdf::models::{Ggx, Ward, WardForm};
+    use crate::math::color::cielab;
+    use crate::math::seed::stream;
     use crate::math::{Rgb, Vec3};
-    use crate::metric::lp::block::cells;
+    use crate::metric::lp::block::{Block, cells};
+    use crate::metric::lp::formula::CellFormula;
+    use crate::metric::lp::kernel::{STUDY_XYZ, study_lab};
+    use crate::metric::lp::{AZIMUTHS, POLAR};
+    use rand::Rng;
+    use std::f64::consts::PI;
+
+    /// Random values of many sizes, some of them zero, a tenth of the cells missing.
+    struct Noise(u64);
+
+    impl Noise {
+        fn at(&self, i: usize, o: usize) -> Vec<Option<Rgb>> {
+            let mut rng = stream(self.0, "noise", (i * POLAR + o) as u64);
+            let mut value = || if rng.random_bool(0.1) { 0.0 } else { 10f64.powf(rng.random_range(-4.0..3.0)) };
+            let mut cell = || [value(), value(), value()];
+            (0..AZIMUTHS).map(|k| (k % 10 != self.0 as usize).then(&mut cell)).collect()
+        }
+    }
+
+    impl Cells for Noise {
+        fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+            block.place(&self.at(i, o), extent);
+            Ok(())
+        }
+
+        fn is_mirror_symmetric(&self) -> bool {
+            false
+        }
+    }
+
+    /// The terms of one cell, channel by channel or by colour coordinate.
+    fn plain_terms(variant: LpVariant, r: Rgb, a: Rgb, weights: &Weights) -> [f64; 3] {
+        let root = |x: f64| if variant.cube_root { x.cbrt() } else { x };
+        let coordinates = |rgb: Rgb| match (CellFormula::of(variant), variant.formula) {
+            (Some(formula), _) => rgb.map(|f| formula.curve(f, weights.cosine)),
+            (None, Formula::D6) => study_lab(rgb, &STUDY_XYZ).map(root),
+            (None, _) => cielab(rgb.map(|f| root(PI * f))),
+        };
+        let (r, a) = (coordinates(r), coordinates(a));
+        [0, 1, 2].map(|c| {
+            let d = a[c] - r[c];
+            weights.of(variant.formula) * CellFormula::of(variant).map_or(d * d, |formula| formula.term(d))
+        })
+    }
+
+    #[test]
+    fn the_fused_pass_agrees_with_the_formulas_cell_by_cell() {
+        let (reference, candidate) = (Noise(1), Noise(2));
+        let i = 37;
+        let fused = row(&reference, &candidate, &Work::for_variants(LpVariant::every()), i).unwrap();
+        for variant in LpVariant::every() {
+            let (mut sums, mut count) = ([0.0; 3], 0);
+            for o in 0..if variant.clamped { POLAR_CLAMPED } else { POLAR } {
+                let weights = Weights::at(i, o);
+                for (r, a) in reference.at(i, o).into_iter().zip(candidate.at(i, o)) {
+                    let (Some(r), Some(a)) = (r, a) else { continue };
+                    count += 1;
+                    let terms = plain_terms(variant, r, a, &weights);
+                    sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+                }
+            }
+            assert_eq!(fused.cells(variant), count, "{variant}");
+            for (fused, sum) in fused.channels(variant).into_iter().zip(sums) {
+                let plain = variant.formula.of_mean(sum / count as f64);
+                assert!((fused / plain - 1.0).abs() < 1e-11, "{variant}: {fused} {plain}");
+            }
+        }
+    }
 
     /// Hides that a BRDF is its own mirror image.
     struct Whole<B>(B);

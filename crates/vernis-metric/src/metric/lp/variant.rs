@@ -49,14 +49,6 @@ impl Formula {
     pub fn has_channels(self) -> bool {
         !matches!(self, Self::D6 | Self::Lab)
     }
-
-    /// From the mean of the summed terms to the distance.
-    pub(super) fn of_mean(self, mean: f64) -> f64 {
-        match self {
-            Self::D5 | Self::D7 | Self::D8 => mean,
-            _ => mean.sqrt(),
-        }
-    }
 }
 
 /// One Lp metric: a formula, with or without clamping (`.Cl`) and cube root (`.CR`).

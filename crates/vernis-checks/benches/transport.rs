@@ -4,10 +4,10 @@
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench transport` for one thread.
 
-#[path = "../tests/it/transport_golden.rs"]
+#[path = "../../vernis-metric/tests/it/transport_golden.rs"]
 #[allow(dead_code)]
 mod transport_golden;
-#[path = "../tests/it/transport_pairs.rs"]
+#[path = "../../vernis-metric/tests/it/transport_pairs.rs"]
 #[allow(dead_code)]
 mod transport_pairs;
 

@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench lp` prints times and ratios.
 
-#[path = "../tests/it/naive_lp.rs"]
+#[path = "../../vernis-metric/tests/it/naive_lp.rs"]
 mod naive_lp;
 
 use std::f64::consts::PI;

@@ -361,7 +361,7 @@ fn names_are_unique_and_unknown_ones_get_suggestions() {
     unique.dedup();
     assert_eq!(unique.len(), names.len());
     let message = registry.resolve("d9.cl").err().unwrap().to_string();
-    assert!(message.contains("`d9.cl`") && message.contains("similar: D9.Cl"), "{message}");
+    assert!(message.contains("`d9.cl`") && message.contains("did you mean D9.Cl"), "{message}");
     assert!(registry.resolve("all_lp").err().unwrap().to_string().contains("all-lp"));
     assert!(registry.resolve("something else").err().unwrap().to_string().contains("no name is similar"));
 

@@ -144,10 +144,10 @@ fn wrong_options_are_named_with_what_is_allowed() {
         ("energy[alpha=nan]", "alpha: found nan, allowed: 0.001 to 100"),
         ("energy[blur=.1]", "the option `blur`"),
         ("mmd-gaussian[blur=0]", "blur: found 0, allowed: 0.001 to 1000"),
-        ("energy[gama=.1]", "similar: gamma"),
+        ("energy[gama=.1]", "did you mean gamma?"),
         ("ot[grid=4x4]", "grid: found 4x4, allowed: THETA_IxTHETA_OxPHI_D"),
         ("D9.Cl[alpha=1]", "D9.Cl is one metric"),
-        ("enrgy", "similar: energy"),
+        ("enrgy", "did you mean energy"),
     ] {
         let message = registry.get(name).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(message.contains(expected), "{name}: {message}");

@@ -120,7 +120,7 @@ fn models_in_json() {
         (&good.replace("0.15", "-0.15"), "", "ggx: alpha is -0.15, allowed is 0.001 to 1"),
         (&good.replace("\"ggx\"", "7"), "", "m.json: model: found 7, allowed is one of lambert, ward"),
         ("{\"model\":\"ggx\",", "", "m.json: not a valid model in JSON: EOF"),
-        (good, "?eta=2.5", "ggx has no parameter `eta`; nothing similar is known; allowed: kd, f0, alpha"),
+        (good, "?eta=2.5", "ggx has no parameter `eta`; no name is similar; allowed: kd, f0, alpha"),
         (good, "?alpha=big", "m.json?alpha=big: alpha: found big, allowed is one number"),
         (good, "?alpha=NaN", "m.json?alpha=NaN: ggx: alpha is NaN, allowed is 0.001 to 1"),
         (good, "?model=abc", "model: found abc (kd, a, b, c, eta), allowed is a model with the fields of ggx"),

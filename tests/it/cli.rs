@@ -1,5 +1,6 @@
 //! The program itself: what it prints and writes, and what it says of wrong input.
 
+use crate::data_folder;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -195,12 +196,10 @@ fn data_list_says_what_is_missing_and_where_to_get_it() {
     assert!(["lavoue2021", "lavoue2021-open", "synthetic"].iter().all(|name| names.contains(name)));
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn data_list_counts_the_rated_pairs_of_a_data_folder() {
-    let Some(data) = std::env::var_os("VERNIS_DATA") else {
-        println!("skipped: VERNIS_DATA is not set");
-        return;
-    };
+    let data = data_folder();
     let place = Place::new();
     let studies = place.json(&["data", "list", "--json", "--data", &data.to_string_lossy()]);
     let open = studies.as_array().expect("a list").iter().find(|s| s["name"] == "lavoue2021-open").expect("known");

@@ -1,9 +1,9 @@
 //! Studies from files, and what the embedded one promises.
 
+use crate::data_folder;
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::PathBuf;
 use vernis::brdf::BrdfSource;
 use vernis::dataset::inventory::FileState;
 use vernis::dataset::manifest::{Manifest, NAMES};
@@ -12,21 +12,14 @@ use vernis::descriptor::{Column, Role};
 use vernis::samples::Samples;
 use vernis::samples::split::{grouped_folds, method_and_group_folds};
 
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("VERNIS_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: VERNIS_DATA is not set");
-    }
-    folder
-}
-
 fn message<T>(result: Result<T, DatasetError>) -> String {
     result.err().map(|e| e.to_string()).unwrap_or_default()
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn the_open_study_rebuilds_what_the_ratings_hold() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let study = Study::load("lavoue2021-open", Some(&data)).unwrap();
     assert!(!study.synthetic);
     let mut by_method: BTreeMap<&str, usize> = BTreeMap::new();
@@ -46,9 +39,10 @@ fn the_open_study_rebuilds_what_the_ratings_hold() {
     assert!(weights["steel"] < 0.35 && weights["teflon"] == 1.0);
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn every_source_of_the_open_study_opens() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let study = Study::load("lavoue2021-open", Some(&data)).unwrap();
     let mut contents = BTreeSet::new();
     for p in &study.pairs {
@@ -63,9 +57,10 @@ fn every_source_of_the_open_study_opens() {
     }
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn manifests_pin_the_files_that_are_here() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for name in NAMES {
         for file in Manifest::embedded(name).unwrap().files().into_iter().filter(|f| !f.extract_allowed) {
             let bytes = fs::read(data.join(&file.path)).unwrap();
@@ -79,9 +74,10 @@ fn manifests_pin_the_files_that_are_here() {
     assert!(open.files.iter().all(|f| matches!(f.state, FileState::AsPublished | FileState::Extract)));
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn the_full_study_without_tables_says_what_to_get() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let text = message(Study::load("lavoue2021", Some(&data)));
     // The folder that the project is developed on has ratings and no tables.
     if !text.is_empty() {

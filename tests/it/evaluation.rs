@@ -1,5 +1,6 @@
 //! Agreement measured end to end: splits, trainers, bootstrap, records.
 
+use crate::data_folder;
 use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand::seq::SliceRandom;
@@ -264,12 +265,10 @@ fn published_ratings(folder: &std::path::Path) -> Samples {
     Samples::new(vec![], rows, features).unwrap()
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn knowing_the_method_agrees_as_well_as_published_ratings_say() {
-    let Some(folder) = std::env::var_os("VERNIS_DATA") else {
-        println!("skipped: VERNIS_DATA is not set");
-        return;
-    };
+    let folder = data_folder();
     let samples = published_ratings(folder.as_ref());
     if samples.len() != 1638 {
         println!("skipped: the expected values are those of the extract of 85 materials");

@@ -1,8 +1,9 @@
 //! The metric that comes with the library, on real data: ratings it was trained on, and human triplets it never saw.
 
+use crate::data_folder;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::LazyLock;
 use vernis::brdf::BrdfSource;
 use vernis::brdf::models::{Ggx, Lambert};
@@ -13,14 +14,6 @@ use vernis::metric::Metric;
 use vernis::metric::learned::LearnedMetric;
 
 static METRIC: LazyLock<LearnedMetric> = LazyLock::new(|| LearnedMetric::shipped().unwrap());
-
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("VERNIS_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: VERNIS_DATA is not set");
-    }
-    folder
-}
 
 fn features(notation: &str, data: &Path) -> BrdfFeatures {
     let open = BrdfSource::parse(notation).unwrap().open(Some(data)).unwrap();
@@ -47,9 +40,10 @@ fn a_larger_difference_of_roughness_is_a_larger_distance() {
 }
 
 /// In sample, so only that what was exported is what was trained: out of fold the same recipe reaches .87.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn the_ratings_it_was_trained_on_are_ordered_well() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let study = Study::load("lavoue2021-open", Some(&data)).unwrap();
     let materials: BTreeSet<&str> = study.pairs.iter().map(|p| p.material.as_str()).take(120).collect();
     let pairs: Vec<_> = study.pairs.iter().filter(|p| materials.contains(p.material.as_str())).collect();
@@ -68,9 +62,10 @@ fn the_ratings_it_was_trained_on_are_ordered_well() {
 
 /// Lagunas et al. 2019 (doi:10.1145/3306346.3323036) asked which of two other materials looks more like a reference. None
 /// of these pairs is an approximation; the metric was trained on nothing but approximations.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn triplets_of_different_materials_are_mostly_answered_as_people_do() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let folder = data.join("matsim2019");
     let order: Vec<String> = std::fs::read_to_string(folder.join("index_to_material.txt"))
         .unwrap()

@@ -1,5 +1,6 @@
 //! Statistics of ratings: the truth of the simulated panel is recovered, and the command says what it did.
 
+use crate::data_folder;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -199,12 +200,10 @@ fn a_panel_of_which_nobody_is_left_is_an_error() {
     assert_eq!(kept.panel.unwrap().participants, 33);
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn published_means_give_what_scipy_and_statsmodels_give() {
-    let Some(data) = std::env::var_os("VERNIS_DATA").filter(|v| !v.is_empty()) else {
-        println!("skipped: VERNIS_DATA is not set");
-        return;
-    };
+    let data = data_folder();
     let opinions = StudyOpinions::load("lavoue2021", Some(Path::new(&data))).unwrap();
     let record = describe(&opinions, &Options::default()).unwrap();
     let (types, table) = (record.material_types.unwrap(), record.anova_two_way.unwrap());

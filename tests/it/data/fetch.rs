@@ -1,8 +1,9 @@
 //! Getting files from folders and servers of every manner, and comparing what is there.
 
-#[cfg(feature = "fetch")]
 use super::server::{Manner, Server};
 use super::{error, out, program, text, vernis_data};
+#[cfg(feature = "fetch")]
+use crate::data_folder;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -303,12 +304,10 @@ fn verify_names_the_file_with_what_was_found_and_what_is_allowed() {
     assert_eq!(out(&vernis_data(&["fetch", "synthetic"])), "synthetic: part of vernis, nothing to fetch\n");
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn the_open_study_comes_from_a_folder_by_one_command() {
-    let Some(real) = std::env::var_os("VERNIS_DATA") else {
-        println!("skipped: VERNIS_DATA is not set");
-        return;
-    };
+    let real = data_folder();
     let real = real.to_str().expect("UTF-8");
     let place = Place::new();
     let data = text(place.0.path());
@@ -327,12 +326,10 @@ fn the_open_study_comes_from_a_folder_by_one_command() {
 
 /// A limit on the size of files stands in for a full disk: writing fails in the middle of a file.
 #[cfg(unix)]
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn a_disk_that_takes_no_more_is_told_and_earlier_files_stay() {
-    let Some(real) = std::env::var_os("VERNIS_DATA") else {
-        println!("skipped: VERNIS_DATA is not set");
-        return;
-    };
+    let real = data_folder();
     let place = Place::new();
     place.put(&place.0.path().join("nbrdf/LICENSE"), b"earlier");
     // 256 blocks of 512 bytes: enough for the tables of text, too little for the archive.

@@ -1,6 +1,7 @@
 //! Every kind of file that the library reads, damaged in every way: an error of one line that names the file, never a
 //! panic, in bounded memory.
 
+use crate::data_folder;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRng, TestRunner};
@@ -205,14 +206,15 @@ fn networks() {
     let file = Path::new("x.zip");
     let good = network();
     fuzz(600, "x.zip", &good, |bytes| outcome(nbrdf::decode(file, "teflon", bytes.to_vec())));
-    // The file of a real material, with every feature that Keras uses.
-    if let Some(data) = std::env::var_os("VERNIS_DATA") {
-        let path = Path::new(&data).join("nbrdf/merl_nbrdf.zip");
-        let real = vernis::brdf::formats::archive::member(&path, "teflon").expect("in the archive").bytes;
-        fuzz(600, "x.zip", &real, |bytes| outcome(nbrdf::decode(file, "teflon", bytes.to_vec())));
-    } else {
-        println!("skipped a part: VERNIS_DATA is not set");
-    }
+}
+
+/// The file of a real material, with every feature that Keras uses.
+#[test_with::env(VERNIS_DATA)]
+#[test]
+fn a_real_network() {
+    let path = data_folder().join("nbrdf/merl_nbrdf.zip");
+    let real = vernis::brdf::formats::archive::member(&path, "teflon").expect("in the archive").bytes;
+    fuzz(600, "x.zip", &real, |bytes| outcome(nbrdf::decode(Path::new("x.zip"), "teflon", bytes.to_vec())));
 }
 
 #[test]

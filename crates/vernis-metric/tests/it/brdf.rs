@@ -7,18 +7,9 @@ mod models;
 mod published;
 mod tables;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use vernis_metric::brdf::{Brdf, BrdfError, BrdfSource};
-
-/// The data folder, or `None` after saying that the test is skipped.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("VERNIS_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: VERNIS_DATA is not set");
-    }
-    folder
-}
 
 fn open(notation: &str, base: &Path) -> Result<Arc<dyn Brdf>, BrdfError> {
     BrdfSource::parse(notation)?.open(Some(base)).map(|open| open.brdf)

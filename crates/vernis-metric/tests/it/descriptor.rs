@@ -1,5 +1,6 @@
 //! The descriptor room seen from outside: golden pairs, identity, symmetry, determinism, masks and the cache.
 
+use crate::data_folder;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,14 +13,6 @@ use vernis_metric::descriptor::{
 };
 use vernis_metric::light::LightError;
 use vernis_metric::math::{Rgb, Vec3};
-
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("VERNIS_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: VERNIS_DATA is not set");
-    }
-    folder
-}
 
 fn ggx(alpha: f64) -> Ggx {
     Ggx::new([0.2, 0.1, 0.05], [0.05, 0.06, 0.08], alpha).unwrap()
@@ -125,9 +118,10 @@ fn golden_labels_of_the_angular_family_are_permuted() {
 
 /// The other implementation interpolates its table from a finer one and works in f32, so agreement is within a few per cent of the
 /// spread of each descriptor over the study: 1 % in the median, 5 % for nine of ten values, at most 25 %.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn golden_pairs() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let (golden, setup) = (golden(), Setup::standard());
     let open = |notation: String| {
         let open = BrdfSource::parse(&notation).unwrap().open(Some(&data)).unwrap();

@@ -2,7 +2,7 @@
 //!
 //! Tests of published data take its folder from `VERNIS_DATA`.
 
-use std::path::PathBuf;
+use crate::data_folder;
 use vernis_metric::brdf::models::build;
 use vernis_metric::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf};
 use vernis_metric::fit::loss::{Loss, LpLoss, MetricLoss};
@@ -185,12 +185,10 @@ fn a_reference_without_a_valid_cell_is_refused() {
 }
 
 /// Ngan's fits (`ngan_wardduer.fit`, `ngan_blinnphong.fit`) were made under another loss: under D4.Cl ours are at least as good.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn published_fits_are_not_better_under_our_loss() {
-    let Some(data) = std::env::var_os("VERNIS_DATA").map(PathBuf::from) else {
-        println!("skipped: VERNIS_DATA is not set");
-        return;
-    };
+    let data = data_folder();
     let open = |notation: &str| BrdfSource::parse(notation).expect("valid").open(Some(&data)).expect("present").brdf;
     let metric = metric("D4.Cl");
     for material in ["teflon", "blue-acrylic"] {

@@ -1,6 +1,7 @@
 //! Wrong files and notations: one clear message each, and earlier files intact.
 
-use super::{data, message, open};
+use super::{message, open};
+use crate::data_folder;
 use std::fs;
 use std::path::Path;
 use vernis_metric::brdf::formats::{self, merl, titopo};
@@ -153,9 +154,10 @@ fn files_that_are_missing_or_not_what_they_seem() {
     assert!(message(formats::materials(Path::new("x.txt"))).contains("extension is `txt`; allowed: zip, fit, bin"));
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn an_unknown_material_brings_the_nearest_names() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for file in ["merl_nbrdf.zip", "bagher_sgd.fit", "npf.bin"] {
         let text = message(open(&format!("{file}:alum-bronz"), &data));
         assert!(text.contains(file) && text.contains("no material `alum-bronz`; did you mean alum-bronze"), "{text}");
@@ -167,9 +169,10 @@ fn an_unknown_material_brings_the_nearest_names() {
     );
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn a_damaged_network_names_the_material() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let path = data.join("nbrdf/merl_nbrdf.zip");
     let bytes = formats::archive::member(&path, "teflon").expect("material of the archive").bytes;
     let text = message(formats::nbrdf::decode(&path, "teflon", bytes[..bytes.len() / 2].to_vec()));

@@ -1,6 +1,7 @@
 //! Networks, fits and factors against values from outside.
 
-use super::{data, open};
+use super::open;
+use crate::data_folder;
 use rayon::prelude::*;
 use std::path::Path;
 use vernis_metric::brdf::models::Dupuy;
@@ -22,9 +23,10 @@ const NETWORK_VALUES: [(&str, [f64; 3], Rgb); 9] = [
 ];
 
 /// The layers are summed in f32: 27 terms of size 1 give a log value good to about 2e-6 of the value plus one.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn networks_give_the_values_of_their_authors_framework() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for (material, angles, expected) in NETWORK_VALUES {
         let network = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("material of the archive");
         let [theta_i, theta_o, phi] = angles.map(f64::to_radians);
@@ -36,9 +38,10 @@ fn networks_give_the_values_of_their_authors_framework() {
     }
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn a_batch_gives_the_bits_of_single_evaluations() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     use rand::Rng;
     let mut random = seed::stream(7, "network batch", 0);
     let mut direction = || Vec3::from_spherical(random.random_range(0.0..1.7), random.random_range(0.0..6.3));
@@ -98,9 +101,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// is that rounding (.005) plus what the coarser grid does to a median: .009 for the factors, whose full grid gives .3405
 /// here, allowed .015. The others were measured with this code, so they only hold the reading of the parameters fast: a
 /// factor of pi before the lobe moves those of Cook-Torrance and Ashikhmin-Shirley by .09 at the least.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for (file, count, expected) in [
         ("low_lowmicrofacet_E2.fit", 100, 0.20),
         ("bagher_sgd.fit", 100, 0.32),
@@ -134,9 +138,10 @@ fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
 
 /// The models that power iteration makes of the networks themselves; no outside value is known, so this says only that an
 /// extraction is nearer to its material than the published fits of a few parameters are.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn facets_read_off_a_material_resemble_it() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let materials = formats::materials(&data.join("nbrdf/merl_nbrdf.zip")).expect("materials of the archive");
     let distances = materials.par_iter().map(|material| {
         let reference = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("network of a material");
@@ -151,9 +156,10 @@ fn facets_read_off_a_material_resemble_it() {
 }
 
 /// Where the order of the rows departs from that of the names, each row is nearer to its own network than to the other.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn rows_of_the_factor_file_belong_to_their_materials() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     for [a, b] in [["blue-metallic-paint", "blue-metallic-paint2"], ["chrome", "chrome-steel"]] {
         let at = |file: &str, material: &str| open(&format!("{file}:{material}"), &data).expect("known material");
         let distance = |x: &str, y: &str| log_cosine_distance(&*at("merl_nbrdf.zip", x), &*at("npf.bin", y));
@@ -164,9 +170,10 @@ fn rows_of_the_factor_file_belong_to_their_materials() {
 /// `merl_slices.png`: 8-bit sRGB of measured values, clipped at 1, 10 x 10 tiles of 90 x 90 (theta_d x theta_h) at
 /// phi_d = 89.5 degrees, flipped vertically. Median |ln ratio| of network and measurement: .057; which dark pixels count
 /// moves it between .048 (none below a linear value of .01) and .061 (all but black), hence the tolerance.
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn networks_agree_with_the_measured_slice() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let picture = image::open(data.join("merl/merl_slices.png")).expect("the slices").to_rgb8();
     assert_eq!(picture.dimensions(), (900, 900));
     let order = std::fs::read_to_string(data.join("merl/derived_tile_order.txt")).expect("the order of the tiles");
@@ -203,9 +210,10 @@ fn networks_agree_with_the_measured_slice() {
     assert!((found - 0.057).abs() < 0.01, "{found}");
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn every_published_entry_opens_and_gives_a_table_without_gaps() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let grid = Grid::Standard { theta_i: 9, theta_o: 9, phi_d: 36, anchor: vernis_metric::brdf::Anchor::Edge };
     for (folder, file) in [
         ("nbrdf", "merl_nbrdf.zip"),
@@ -237,9 +245,10 @@ fn every_published_entry_opens_and_gives_a_table_without_gaps() {
     }
 }
 
+#[test_with::env(VERNIS_DATA)]
 #[test]
 fn content_hashes_follow_what_is_evaluated() {
-    let Some(data) = data() else { return };
+    let data = data_folder();
     let hash = |notation: &str, base: Option<&Path>| {
         BrdfSource::parse(notation).expect("notation").open(base).expect("published").content
     };

@@ -4,6 +4,7 @@ pub mod dataset;
 pub mod evaluation;
 pub mod experiment;
 pub mod panel;
+pub mod prelude;
 pub mod report;
 pub mod samples;
 pub mod train;

@@ -7,3 +7,4 @@ pub mod io;
 pub mod light;
 pub mod math;
 pub mod metric;
+pub mod prelude;

@@ -14,6 +14,7 @@ use super::archive;
 use crate::brdf::{Brdf, BrdfError};
 use crate::math::coordinates::half_and_difference_vectors;
 use crate::math::{Rgb, Vec3};
+use multiversion::multiversion;
 use std::path::Path;
 
 const INPUTS: usize = 6;
@@ -101,21 +102,12 @@ impl Nbrdf {
         let y = relu(dense(&y, &self.w2, &self.b2));
         dense(&y, &self.w3, &self.b3)
     }
+}
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn layers_avx2(&self, x: &[[f32; LANES]; INPUTS]) -> [[f32; LANES]; 3] {
-        self.layers(x)
-    }
-
-    fn layers_wide(&self, x: &[[f32; LANES]; INPUTS]) -> [[f32; LANES]; 3] {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has just been asked.
-            return unsafe { self.layers_avx2(x) };
-        }
-        self.layers(x)
-    }
+/// [`Nbrdf::layers`] of [`LANES`] pairs.
+#[multiversion(targets("x86_64+avx2"))]
+fn layers_wide(network: &Nbrdf, x: &[[f32; LANES]; INPUTS]) -> [[f32; LANES]; 3] {
+    network.layers(x)
 }
 
 fn input(wi: Vec3, wo: Vec3) -> [f32; INPUTS] {
@@ -141,7 +133,7 @@ impl Brdf for Nbrdf {
                     row[n] = v;
                 }
             }
-            let log = self.layers_wide(&x);
+            let log = layers_wide(self, &x);
             for (n, out) in out.iter_mut().enumerate() {
                 *out = Some(output(wi[n], wo[n], [log[0][n], log[1][n], log[2][n]]));
             }
@@ -161,4 +153,29 @@ pub fn decode(path: &Path, material: &str, bytes: Vec<u8>) -> Result<Nbrdf, Brdf
         format: "archive of BRDFs",
         reason: format!("{material}: {reason}"),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::seed::stream;
+    use rand::Rng;
+
+    /// Nothing here is multiplied and added in one instruction. On a processor without AVX2 both sides are the same code.
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let mut random = stream(5, "network layers", 0);
+        let mut next = || random.random_range(-1.0..1.0);
+        let network = Nbrdf {
+            w1: std::array::from_fn(|_| std::array::from_fn(|_| next())),
+            b1: std::array::from_fn(|_| next()),
+            w2: std::array::from_fn(|_| std::array::from_fn(|_| next())),
+            b2: std::array::from_fn(|_| next()),
+            w3: std::array::from_fn(|_| std::array::from_fn(|_| next())),
+            b3: std::array::from_fn(|_| next()),
+        };
+        let x = std::array::from_fn(|_| std::array::from_fn(|_| next()));
+        let bits = |y: [[f32; LANES]; 3]| y.map(|y| y.map(f32::to_bits));
+        assert_eq!(bits(layers_wide(&network, &x)), bits(network.layers(&x)));
+    }
 }

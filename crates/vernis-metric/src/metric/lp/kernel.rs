@@ -12,6 +12,7 @@ use super::elementary::{abs_ln_ratio, cbrt, cbrt_of_square};
 use super::variant::{Formula, LpVariant};
 use super::{AZIMUTHS, EPSILON, POLAR, POLAR_CLAMPED};
 use crate::math::color::{CIELAB_LINEAR_BELOW, CIELAB_SLOPE, WHITE_D65, XYZ_FROM_REC709};
+use multiversion::multiversion;
 
 const LANES: usize = 4;
 
@@ -125,30 +126,20 @@ impl Workspace {
     /// logarithms.
     pub fn sums(&mut self, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
         match extent == Extent::FOLDED {
-            true => self.sums_of::<true>(cosine, work),
-            false => self.sums_of::<false>(cosine, work),
+            true => sums::<true>(self, cosine, work),
+            false => sums::<false>(self, cosine, work),
         }
-    }
-
-    fn sums_of<const FOLDED: bool>(&mut self, cosine: f64, work: &Work) -> [BlockSums; 2] {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the function is safe but for its need of AVX2, which the processor has.
-            return unsafe { sums_avx2::<FOLDED>(self, cosine, work) };
-        }
-        sums::<FOLDED>(self, cosine, work)
     }
 }
 
-/// The very code of [`sums`]; the attribute lets the compiler use registers of four f64.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn sums_avx2<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
-    sums::<FOLDED>(space, cosine, work)
+/// The very code of [`sums_in_place`]; AVX2 lets the compiler use registers of four f64.
+#[multiversion(targets("x86_64+avx2"))]
+fn sums<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    sums_in_place::<FOLDED>(space, cosine, work)
 }
 
 #[inline(always)]
-fn sums<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+fn sums_in_place<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
     // A constant, so that every loop has a known length.
     let extent = if FOLDED { Extent::FOLDED } else { Extent::WHOLE };
     let Workspace { reference, candidate, roots, colours, terms } = space;
@@ -335,7 +326,7 @@ mod tests {
     use crate::math::seed::stream;
     use rand::Rng;
 
-    /// On a processor without AVX2 both sides are the same code.
+    /// Nothing here is multiplied and added in one instruction. On a processor without AVX2 both sides are the same code.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let work = Work::for_variants(LpVariant::every());
@@ -345,8 +336,8 @@ mod tests {
             for plane in space.reference.rgb.iter_mut().chain(&mut space.candidate.rgb) {
                 plane.iter_mut().for_each(|x| *x = 10f64.powf(rng.random_range(-6.0..5.0)));
             }
-            assert_eq!(space.sums(Extent::WHOLE, cosine, &work), sums::<false>(&mut space, cosine, &work));
-            assert_eq!(space.sums(Extent::FOLDED, cosine, &work), sums::<true>(&mut space, cosine, &work));
+            assert_eq!(space.sums(Extent::WHOLE, cosine, &work), sums_in_place::<false>(&mut space, cosine, &work));
+            assert_eq!(space.sums(Extent::FOLDED, cosine, &work), sums_in_place::<true>(&mut space, cosine, &work));
         }
     }
 }

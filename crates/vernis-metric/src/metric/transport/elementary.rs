@@ -56,6 +56,13 @@ pub(super) fn exp<const FUSED: bool>(x: f64) -> f64 {
     p * f64::from_bits(rounded.to_bits().wrapping_add(EXPONENT_BIAS) << 52)
 }
 
+/// Whether code for this processor's best instruction set takes [`fma`] in one instruction.
+#[cfg(test)]
+#[multiversion::multiversion(targets("x86_64+avx2+fma"))]
+pub(super) fn is_fused() -> bool {
+    multiversion::target::target_cfg_f!(target_feature = "fma")
+}
+
 /// 1/13!, 1/12! ... 1/1!, 1/0!.
 const TAYLOR: [f64; 14] = {
     let mut coefficients = [1.0; 14];

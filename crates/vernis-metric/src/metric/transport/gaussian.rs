@@ -18,6 +18,8 @@ use super::elementary::{LANES, Lanes, exp, fma, ln, max};
 use super::lattice::Lattice;
 use super::measure::{Measure, Support};
 use super::value_axis;
+use multiversion::multiversion;
+use multiversion::target::{match_target, target_cfg_f};
 
 /// Terms smaller than exp(-34), times the largest base factor, are left out.
 const NEGLIGIBLE: f64 = 34.0;
@@ -83,34 +85,12 @@ impl Gaussian {
 
     /// The first half: `weights` c, which are 0 outside `support`, and `potential` g.
     pub fn spread(&self, weights: &[Lanes], support: &Support, potential: &[Lanes], spread: &mut Spread) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx512f") {
-                // SAFETY: the function is safe but for its need of AVX-512, which the processor has.
-                return unsafe { spread_avx512(self, weights, support, potential, spread) };
-            }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                // SAFETY: as above, with AVX2 and FMA.
-                return unsafe { spread_avx2(self, weights, support, potential, spread) };
-            }
-        }
-        spread_at_nodes::<PLAIN>(self, weights, support, potential, spread);
+        spread_up_to_avx512(self, weights, support, potential, spread);
     }
 
     /// The second half: from the value nodes of `source` to `nodes` of `target`.
     pub fn gather(&self, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx512f") {
-                // SAFETY: the function is safe but for its need of AVX-512, which the processor has.
-                return unsafe { gather_avx512(self, source, spread, target, nodes, sink) };
-            }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                // SAFETY: as above, with AVX2 and FMA.
-                return unsafe { gather_avx2(self, source, spread, target, nodes, sink) };
-            }
-        }
-        value_axis::gather::<PLAIN, 2>(self, source, spread, target, nodes, sink);
+        gather_up_to_avx512(self, source, spread, target, nodes, sink);
     }
 
     pub fn base_len(&self) -> usize {
@@ -185,33 +165,57 @@ fn products_of<'a, const FUSED: bool, const ROWS: usize>(
     }
 }
 
-/// Multiplication and addition in one instruction, or not.
-#[cfg(target_arch = "x86_64")]
-const FUSED: bool = true;
-const PLAIN: bool = cfg!(target_arch = "aarch64");
+// One function an instruction set, each falling back on the next, so that tests reach every one of them. `multiversion`
+// takes AVX-512 only together with what came with Ice Lake; processors with less of it use AVX2.
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,fma")]
-fn spread_avx512(kernel: &Gaussian, weights: &[Lanes], support: &Support, potential: &[Lanes], spread: &mut Spread) {
+#[multiversion(targets("x86_64+avx512f+avx512dq+fma"))]
+fn spread_up_to_avx512(
+    kernel: &Gaussian,
+    weights: &[Lanes],
+    support: &Support,
+    potential: &[Lanes],
+    spread: &mut Spread,
+) {
+    match_target! {
+        "x86_64+avx512f+avx512dq+fma" => spread_at_nodes::<true>(kernel, weights, support, potential, spread),
+        _ => { spread_up_to_avx2(kernel, weights, support, potential, spread) },
+    }
+}
+
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn spread_up_to_avx2(
+    kernel: &Gaussian,
+    weights: &[Lanes],
+    support: &Support,
+    potential: &[Lanes],
+    spread: &mut Spread,
+) {
+    const FUSED: bool = target_cfg_f!(any(target_feature = "fma", target_arch = "aarch64"));
     spread_at_nodes::<FUSED>(kernel, weights, support, potential, spread);
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn spread_avx2(kernel: &Gaussian, weights: &[Lanes], support: &Support, potential: &[Lanes], spread: &mut Spread) {
-    spread_at_nodes::<FUSED>(kernel, weights, support, potential, spread);
+#[multiversion(targets("x86_64+avx512f+avx512dq+fma"))]
+fn gather_up_to_avx512(
+    kernel: &Gaussian,
+    source: &Measure,
+    spread: &Spread,
+    target: &Measure,
+    nodes: Nodes,
+    sink: Sink,
+) {
+    match_target! {
+        "x86_64+avx512f+avx512dq+fma" => value_axis::gather::<true, 8>(kernel, source, spread, target, nodes, sink),
+        _ => { gather_up_to_avx2(kernel, source, spread, target, nodes, sink) },
+    }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,fma")]
-fn gather_avx512(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
-    value_axis::gather::<FUSED, 8>(kernel, source, spread, target, nodes, sink);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn gather_avx2(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
-    value_axis::gather::<FUSED, 4>(kernel, source, spread, target, nodes, sink);
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn gather_up_to_avx2(kernel: &Gaussian, source: &Measure, spread: &Spread, target: &Measure, nodes: Nodes, sink: Sink) {
+    const FUSED: bool = target_cfg_f!(any(target_feature = "fma", target_arch = "aarch64"));
+    match_target! {
+        "x86_64+avx2+fma" => value_axis::gather::<FUSED, 4>(kernel, source, spread, target, nodes, sink),
+        _ => { value_axis::gather::<FUSED, 2>(kernel, source, spread, target, nodes, sink) },
+    }
 }
 
 #[inline(always)]
@@ -269,5 +273,70 @@ fn spread_at_nodes<const FUSED: bool>(
             spread.level[entry][lane] = fma::<FUSED>(top[lane], inverse, ln::<FUSED>(total));
         }
         kernel.smooth_last::<FUSED>(&scratch, &share, values);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::graph::GraphGrid;
+    use crate::metric::transport::elementary::is_fused;
+
+    /// Both halves, compiled for one instruction set or dispatched.
+    type Halves = (
+        fn(&Gaussian, &[Lanes], &Support, &[Lanes], &mut Spread),
+        fn(&Gaussian, &Measure, &Spread, &Measure, Nodes, Sink),
+    );
+    const DISPATCHED: [Halves; 2] =
+        [(spread_up_to_avx512, gather_up_to_avx512), (spread_up_to_avx2, gather_up_to_avx2)];
+    const FUSED: Halves = (spread_at_nodes::<true>, value_axis::gather::<true, 2>);
+    const SEPARATE: Halves = (spread_at_nodes::<false>, value_axis::gather::<false, 2>);
+
+    fn measure(shift: f64) -> Measure {
+        let grid = GraphGrid::new(9, 9, 36).unwrap();
+        let cells: Vec<f64> = (0..grid.len()).map(|k| k as f64 * 1e-3 + shift * (k as f64 * 0.37).sin()).collect();
+        Measure::new(Lattice::new(grid, [4; 3], 0.05 / 8.0), &cells, |_| true).unwrap()
+    }
+
+    fn waves(measure: &Measure) -> Vec<Lanes> {
+        let wave = |k: usize, lane: usize| 0.01 * ((LANES * k + lane) as f64 * 0.7).sin();
+        (0..measure.mass.len()).map(|k| std::array::from_fn(|lane| wave(k, lane))).collect()
+    }
+
+    /// V, G/epsilon, the potential after an update, and the sums.
+    fn results((spread_of, gather): Halves, epsilon: f64) -> [Vec<Lanes>; 4] {
+        let (source, target) = (measure(0.1), measure(0.2));
+        let kernel = Gaussian::new(&source.lattice, 0.1, epsilon);
+        let mut spread = Spread::default();
+        spread_of(&kernel, &source.mass, &source.support, &waves(&source), &mut spread);
+        let mut updated = waves(&target);
+        let sink = Sink::Potential { potential: &mut updated, keep: 0.5 };
+        gather(&kernel, &source, &spread, &target, Nodes::All, sink);
+        let mut sum = waves(&target);
+        gather(&kernel, &source, &spread, &target, Nodes::Support, Sink::Sum { sum: &mut sum, potential: &updated });
+        [spread.values, spread.level, updated, sum]
+    }
+
+    /// Nor does the number of rows that stay in registers change a bit. Fused multiplication rounds once where two
+    /// instructions round twice: a few 1e-16 of levels up to some hundreds.
+    #[test]
+    fn every_instruction_set_gives_the_bits_of_its_multiplication() {
+        let bits = |results: &[Vec<Lanes>; 4]| -> Vec<u64> {
+            results.iter().flat_map(|numbers| numbers.as_flattened()).map(|x| x.to_bits()).collect()
+        };
+        for epsilon in [1.0, 0.04, 0.0025] {
+            let (fused, separate) = (results(FUSED, epsilon), results(SEPARATE, epsilon));
+            let expected = bits(if is_fused() || cfg!(target_arch = "aarch64") { &fused } else { &separate });
+            for halves in DISPATCHED {
+                assert!(bits(&results(halves, epsilon)) == expected, "epsilon {epsilon}");
+            }
+            assert_ne!(bits(&fused), bits(&separate), "the bits do not tell one multiplication from the other");
+            for (fused, separate) in fused.iter().zip(&separate) {
+                for (a, b) in fused.as_flattened().iter().zip(separate.as_flattened()) {
+                    // Levels of value nodes without mass are -infinity.
+                    assert!(a == b || (a - b).abs() <= 1e-12 * b.abs().max(1.0), "epsilon {epsilon}: {a:e} {b:e}");
+                }
+            }
+        }
     }
 }

@@ -246,6 +246,9 @@ impl<'a> Axis<'a> {
 
 impl Interpolation {
     /// Chebyshev nodes of the first kind in `interval`, and their barycentric weights.
+    ///
+    /// Out of line: between its calls of sine and cosine, no vector register would keep what the loops around it have there.
+    #[inline(never)]
     fn place(&mut self, interval: &Interval, count: usize) {
         let angle = |node: usize| PI * (node as f64 + 0.5) / count as f64;
         self.places.clear();

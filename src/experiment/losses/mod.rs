@@ -46,6 +46,7 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// All losses, the baseline first.
     pub const ALL: [Self; 6] =
         [Self::Square, Self::Logarithm, Self::CubeRoot, Self::Transport, Self::Learned, Self::Blended];
 

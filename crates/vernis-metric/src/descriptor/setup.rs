@@ -34,6 +34,7 @@ pub enum Lights {
 /// The shape whose normals weight the pictures.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum ShapeChoice {
+    /// The unit sphere, defined by code.
     #[default]
     Sphere,
     /// An ASCII PLY mesh.
@@ -43,7 +44,9 @@ pub enum ShapeChoice {
 /// What the descriptors depend on besides the two BRDFs.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DescriptorOptions {
+    /// The lights that carry detail.
     pub lights: Lights,
+    /// The shape in the pictures.
     pub shape: ShapeChoice,
 }
 

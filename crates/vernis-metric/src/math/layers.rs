@@ -20,9 +20,13 @@ pub struct LayerMismatch {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dense {
+    /// Length of the input x.
     pub inputs: usize,
+    /// Length of the output W x + b.
     pub outputs: usize,
+    /// b, one number an output.
     pub bias: Vec<f64>,
+    /// W, `outputs * inputs` numbers, row by row.
     pub weights: Vec<f64>,
 }
 
@@ -44,10 +48,14 @@ impl Dense {
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Activation {
     /// max(x, slope x).
-    LeakyRelu { slope: f64 },
+    LeakyRelu {
+        /// Factor of negative x.
+        slope: f64,
+    },
 }
 
 impl Activation {
+    /// The activation of one number.
     pub fn apply(self, x: f64) -> f64 {
         match self {
             Activation::LeakyRelu { slope } => x.max(slope * x),

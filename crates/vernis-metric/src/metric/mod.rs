@@ -80,7 +80,9 @@ pub struct Score {
     pub distance: f64,
     /// Mean opinion score, 1 to 5, and its interval.
     pub mos: f64,
+    /// Lower end of the interval, 1 to 5.
     pub low: f64,
+    /// Upper end of the interval, 1 to 5.
     pub high: f64,
 }
 
@@ -114,6 +116,7 @@ pub trait Metric: Any + Send + Sync {
     /// studies, fits and reports carry it, so that numbers of two versions never mix. It stands beside the algorithm.
     fn version(&self) -> &str;
 
+    /// What a user must know of it: family, unit, symmetry, use as a loss.
     fn properties(&self) -> Properties;
 
     /// Pays for the fixed side once: a fit compares one reference with many candidates. What is prepared owns all it needs.

@@ -111,6 +111,7 @@ impl Dupuy {
         Self::new(plain.slopes, fresnel)
     }
 
+    /// The distribution of the facets' slopes.
     pub fn slopes(&self) -> &SlopeDistribution {
         &self.slopes
     }

@@ -28,9 +28,15 @@ pub enum Kernel {
     /// -r, conditionally positive: the energy distance.
     Energy,
     /// exp(-r^2/(2 blur^2)).
-    Gaussian { blur: f64 },
+    Gaussian {
+        /// Standard deviation, in the unit of r.
+        blur: f64,
+    },
     /// exp(-r/blur).
-    Laplacian { blur: f64 },
+    Laplacian {
+        /// The distance at which the kernel has fallen to 1/e, in the unit of r.
+        blur: f64,
+    },
 }
 
 impl Kernel {

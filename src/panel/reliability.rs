@@ -27,7 +27,7 @@ pub struct SplitHalf {
     pub stimuli: usize,
     /// Mean and standard deviation over the splits.
     pub pearson: MeanAndDeviation,
-    /// Spearman's rho of the halves, in the same way.
+    /// Mean and standard deviation over the splits, of Spearman's rho.
     pub spearman: MeanAndDeviation,
 }
 

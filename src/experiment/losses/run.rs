@@ -54,7 +54,7 @@ pub struct Settings {
 pub struct Probe {
     /// Such as `grace`.
     pub name: String,
-    /// Lights, shape and operators under which the probe judges.
+    /// The setup of the descriptors, with the probe as its light.
     pub setup: Arc<Setup>,
 }
 

@@ -78,7 +78,7 @@ pub enum MetricError {
 pub struct Score {
     /// In points of mean opinion score (MOS) below that of identical BRDFs, 0 or more: 0 is identical, larger is worse.
     pub distance: f64,
-    /// Mean opinion score, 1 to 5, and its interval.
+    /// Mean opinion score, 1 to 5.
     pub mos: f64,
     /// Lower end of the interval, 1 to 5.
     pub low: f64,

@@ -25,6 +25,7 @@ pub const MIN_ROWS_PER_MATERIAL: usize = 3;
 /// One of the figures of [`Figures`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Figure {
     /// Pearson's r of the metric's own score and the MOS.
     PlccRaw,

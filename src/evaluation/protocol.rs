@@ -45,6 +45,7 @@ pub struct Protocol {
 }
 
 /// What a contender knows.
+#[non_exhaustive]
 pub enum Source<'a> {
     /// Learns from the columns of its samples.
     Trainer(&'a dyn Trainer, &'a Samples),

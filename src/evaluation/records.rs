@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 /// What the judged rows had in common with those that the metric, or its map to MOS, was fitted on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Split {
     /// Everything: fitted on the very rows that are judged.
     InSample,
@@ -41,6 +42,7 @@ impl Split {
 /// Which rows are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum RowSet {
     /// Every row of the study.
     All,
@@ -51,6 +53,7 @@ pub enum RowSet {
 /// What kind of metric a record is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum MetricKind {
     /// Learned from ratings.
     Learned,
@@ -135,7 +138,7 @@ pub struct AblationRecord {
     pub judgements: Vec<Judgement>,
     /// Against the full metric, unseen material, all rows.
     pub plcc_change: Option<Difference>,
-    /// Change of Spearman's rho, against the full metric in the same way.
+    /// Change of Spearman's rho against the full metric, unseen material, all rows.
     pub srocc_change: Option<Difference>,
 }
 

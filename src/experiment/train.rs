@@ -124,6 +124,7 @@ pub fn benchmark(
 
 /// What a measurement is for: the command that its record names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Purpose {
     /// `vernis train`.
     Train,

@@ -72,6 +72,7 @@ pub struct StudyRecord {
 /// Where the spread of scores around a mean comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "source", rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Spread {
     /// The scores themselves.
     Scores,
@@ -156,7 +157,7 @@ pub struct IlluminationComparison {
     pub spearman: f64,
     /// 95 %, by bootstrap of materials.
     pub pearson_interval: Option<Interval>,
-    /// The same of Spearman's rho.
+    /// 95 % of Spearman's rho, by bootstrap of materials.
     pub spearman_interval: Option<Interval>,
 }
 

@@ -24,6 +24,7 @@ pub const LEAST_SECONDS: f64 = 1.0;
 /// A check that can reject a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Criterion {
     /// Too few correct answers to control questions.
     Gold,

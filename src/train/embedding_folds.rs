@@ -41,6 +41,7 @@ pub enum EmbeddingError {
 
 /// How an embedding is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Learner {
     /// Principal components.
     PrincipalComponents,

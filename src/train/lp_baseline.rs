@@ -21,6 +21,7 @@ pub struct SingleMetric {
 
 /// What a choice among columns maximises, in absolute value, on the training rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Criterion {
     /// Spearman's rank correlation.
     Srocc,

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 /// What rows share that get one prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MeanOf {
     /// The approximation method.
     Method,

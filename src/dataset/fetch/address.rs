@@ -14,6 +14,7 @@ const GITHUB_RAW: &str = "https://raw.githubusercontent.com/";
 
 /// A copy of a data folder, complete or not.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Mirror {
     /// A folder that is laid out as the data folder is.
     Folder(PathBuf),
@@ -48,6 +49,7 @@ impl Mirror {
 
 /// The place of one file.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Address {
     /// A file on this computer.
     File(PathBuf),

@@ -189,7 +189,7 @@ mod tests {
         let content = |s: &SyntheticStudy| -> Vec<_> {
             let hash = |b: &BrdfSource| match b {
                 BrdfSource::Generated(open) => open.content,
-                BrdfSource::Notation(_) => panic!("everything is generated"),
+                _ => panic!("everything is generated"),
             };
             s.study.pairs.iter().map(|p| (hash(&p.reference), hash(&p.candidate))).collect()
         };

@@ -25,6 +25,7 @@ pub const GAMMAS: [f64; 3] = [0.25, 0.35, 0.5];
 
 /// The distances of the study's section 6.1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Family {
     /// The transport distance.
     Transport,

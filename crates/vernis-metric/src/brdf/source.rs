@@ -148,6 +148,7 @@ enum Found {
 
 /// Where a BRDF comes from; nothing is read until it is opened.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum BrdfSource {
     /// The source notation, such as `merl_nbrdf.zip:teflon` or `low_lowmicrofacet_E2.fit:teflon?eta=2.5`.
     Notation(String),

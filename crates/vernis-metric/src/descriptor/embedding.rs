@@ -23,6 +23,7 @@ pub const INPUTS: usize = 3 * NODES;
 /// How three channels become logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum LogSpace {
     /// ln(f + 0.001) of R, G and B.
     Rgb,

@@ -32,6 +32,7 @@ pub struct Description {
 /// A family of descriptors defined by code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Family {
     /// Pictures under lamps, 18.
     Lights,

@@ -46,6 +46,7 @@ const SCATTER: f64 = 1.0;
 
 /// Where a fit begins.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Start {
     /// [`staged`].
     Staged,
@@ -94,11 +95,11 @@ pub struct Fitting<'a> {
 pub struct Fitted {
     /// The model with the parameters that were found.
     pub model: Arc<dyn AnalyticBrdf>,
-    /// The metric's distance at the start and at the end.
+    /// The metric's distance at the start.
     pub value_at_start: f64,
     /// The metric's distance at the end.
     pub value: f64,
-    /// How the search ended, its method and start.
+    /// How the search ended.
     pub stop: StopReason,
     /// Name of the search method, such as `lbfgs`.
     pub method: &'static str,

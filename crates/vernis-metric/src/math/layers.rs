@@ -11,8 +11,11 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{what}: found {found}, expected {expected}")]
 pub struct LayerMismatch {
+    /// What has the size, in words.
     pub what: String,
+    /// The size that it has.
     pub found: usize,
+    /// The size that it must have.
     pub expected: usize,
 }
 
@@ -46,6 +49,7 @@ impl Dense {
 /// What follows every layer but the last.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum Activation {
     /// max(x, slope x).
     LeakyRelu {

@@ -31,6 +31,7 @@ pub trait Objective: Sync {
 /// How a search proceeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// Pattern search, the study's method.
     HookeJeeves,
@@ -75,6 +76,7 @@ impl FromStr for Method {
 /// Why a search ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StopReason {
     /// Steps, simplex or projected gradient fell below the tolerance.
     Converged,

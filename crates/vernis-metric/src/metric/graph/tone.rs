@@ -7,6 +7,7 @@ use std::fmt;
 
 /// One of the study's curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Tone {
     /// t
     Linear,

@@ -24,6 +24,7 @@ const SMALLEST: f64 = 1e-12;
 
 /// A kernel of the distance r between two points.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Kernel {
     /// -r, conditionally positive: the energy distance.
     Energy,

@@ -55,7 +55,7 @@ impl From<&Column> for Input {
 pub struct Feature {
     /// Position among the regressor's inputs.
     pub input: usize,
-    /// Mean and standard deviation of sign(x) |x|^power over the training rows.
+    /// Mean of sign(x) |x|^power over the training rows.
     pub mean: f64,
     /// Standard deviation of sign(x) |x|^power over the training rows.
     pub scale: f64,
@@ -131,6 +131,7 @@ impl Standardizer {
 /// How a kernel falls off with r = |a - b| / (length sqrt d), d the number of features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Radial {
     /// exp(-r).
     Exponential,
@@ -177,6 +178,7 @@ impl Kernel {
 /// The function g of a term, of standardised features.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum Function {
     /// g(z) = w . z.
     Linear {

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 /// What is summed over the cells; the formulas stand in the documentation of [`crate::metric::lp`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Formula {
     /// `sqrt(mean d^2)`.
     D1,

@@ -174,6 +174,7 @@ impl SinkhornParameters {
 
 /// The way in which a divergence is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// Masses on a product of base nodes and value nodes (multiples of `spacing`), and separable sums over it.
     Quantised {

@@ -10,3 +10,10 @@ pub mod samples;
 pub mod train;
 
 pub use vernis_metric::{brdf, descriptor, fit, io, light, math, metric};
+
+/// Records and errors of [`dataset::csv_table`].
+pub use csv;
+/// Markup of the pages in [`report::page`] and of [`report::tables::Table`].
+pub use maud;
+/// Matrices and vectors of the public signatures, the random generator of [`math::seed`], and JSON values.
+pub use vernis_metric::{ndarray, rand_chacha, serde_json};

@@ -12,12 +12,15 @@ use std::path::Path;
 pub struct FileStatus {
     /// In the data folder.
     pub path: String,
+    /// What the file is for, in words.
     pub role: String,
+    /// Whether it is there, and as published.
     pub state: FileState,
     /// SHA-256 of the file that is there.
     pub found_sha256: Option<String>,
     /// SHA-256 that the manifest pins.
     pub published_sha256: String,
+    /// Licence, as the manifest states it.
     pub licence: String,
     /// Where to get it.
     pub origin: String,
@@ -26,23 +29,34 @@ pub struct FileStatus {
 /// Files too many to list one by one.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct CollectionStatus {
+    /// What the files are and where they belong, in words.
     pub what: String,
+    /// Licence, as the manifest states it.
     pub licence: String,
     /// Where to get them.
     pub origin: String,
+    /// Size in bytes, where the manifest states it.
     pub bytes: Option<u64>,
+    /// Algorithm and digits, such as `md5 7141af4c12b4c4feed299769260b3604`.
     pub checksum: Option<String>,
 }
 
 /// One line of `vernis data list`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StudyStatus {
+    /// Name of the study.
     pub name: String,
+    /// Title of the publication, or one line about the study.
     pub title: String,
+    /// DOI of the publication.
     pub doi: Option<String>,
+    /// Ratings come from simulated observers.
     pub synthetic: bool,
+    /// How many of its rated pairs are there.
     pub pairs: Completeness,
+    /// The pinned files.
     pub files: Vec<FileStatus>,
+    /// What the study needs besides its pinned files.
     pub collections: Vec<CollectionStatus>,
     /// Why the study cannot be loaded from this folder; `None` when it can.
     pub problem: Option<String>,

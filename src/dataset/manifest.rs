@@ -27,22 +27,32 @@ pub struct Manifest {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RatedManifest {
+    /// Name of the study.
     pub name: String,
+    /// Title of the publication.
     pub title: String,
+    /// DOI of the publication.
     pub doi: String,
     /// Rated pairs of the whole study.
     pub pairs: usize,
+    /// Where the ratings are.
     pub ratings: Ratings,
     /// The scores behind the means, in a file of the data folder that need not be there.
     pub raw_ratings: Option<RawLayout>,
+    /// Where the candidates' tables may be.
     pub tables: Tables,
+    /// Where the measured materials may be.
     pub references: References,
+    /// The pinned files.
     #[serde(rename = "file")]
     pub files: Vec<PinnedFile>,
+    /// What is too large or too numerous to pin by file.
     #[serde(rename = "collection")]
     pub collections: Vec<Collection>,
+    /// The approximation methods.
     #[serde(rename = "method")]
     pub methods: Vec<Method>,
+    /// Materials that are kept on one side of every split.
     pub sisters: Vec<Sisters>,
 }
 
@@ -50,7 +60,9 @@ pub struct RatedManifest {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ratings {
+    /// The CSV file of the ratings.
     pub file: String,
+    /// The CSV file of the types of the materials.
     pub material_types: String,
     /// Patterns of the rows of `material_types` that are no material of the study.
     pub ignored_types: Vec<String>,
@@ -60,7 +72,9 @@ pub struct Ratings {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tables {
+    /// Folders of the data folder, in the order in which they are searched; each ends with `/` or is empty.
     pub folders: Vec<String>,
+    /// Extensions without the dot, in the order in which they are tried.
     pub extensions: Vec<String>,
 }
 
@@ -68,6 +82,7 @@ pub struct Tables {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct References {
+    /// Sources in the data folder; the first that exists is taken.
     pub paths: Vec<String>,
 }
 
@@ -77,6 +92,7 @@ pub struct References {
 pub struct PinnedFile {
     /// In the data folder.
     pub path: String,
+    /// What the file is for, in words.
     pub role: String,
     /// Address of the repository.
     pub source: String,
@@ -84,8 +100,11 @@ pub struct PinnedFile {
     pub revision: String,
     /// In the repository.
     pub source_path: String,
+    /// Size in bytes, where it is pinned.
     pub bytes: Option<u64>,
+    /// SHA-256 of its content, 64 lower-case hexadecimal digits.
     pub sha256: String,
+    /// Licence, as the source states it.
     pub licence: String,
     /// A part of the file is of use too.
     #[serde(default)]
@@ -103,11 +122,17 @@ impl PinnedFile {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Collection {
+    /// What the files are and where they belong, in words.
     pub what: String,
+    /// Address of the source.
     pub source: String,
+    /// The files at the source.
     pub source_path: String,
+    /// Size in bytes, where it is known.
     pub bytes: Option<u64>,
+    /// Algorithm and digits, such as `md5 7141af4c12b4c4feed299769260b3604`.
     pub checksum: Option<String>,
+    /// Licence, as the source states it.
     pub licence: String,
 }
 
@@ -122,7 +147,9 @@ impl Collection {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Method {
+    /// Name of the method in the ratings.
     pub name: String,
+    /// Methods of one family are left out together.
     pub family: String,
     /// The method's letter in the names of the study's tables.
     pub letter: char,
@@ -132,7 +159,9 @@ pub struct Method {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sisters {
+    /// Name of the group.
     pub group: String,
+    /// Names of its materials; at most one `*` stands for any characters.
     pub pattern: String,
 }
 
@@ -140,18 +169,25 @@ pub struct Sisters {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RebuiltManifest {
+    /// Name of the study.
     pub name: String,
+    /// Title of the study.
     pub title: String,
+    /// DOI of the publication.
     pub doi: String,
+    /// Rated pairs of the whole study.
     pub pairs: usize,
     /// The study whose ratings, sisters and families are used.
     pub ratings_of: String,
     /// Source of a reference; `{material}` stands for the name.
     pub reference: String,
+    /// How the candidates of each method are rebuilt.
     #[serde(rename = "candidate")]
     pub candidates: Vec<Candidate>,
+    /// The pinned files that pairs are rebuilt from.
     #[serde(rename = "file")]
     pub files: Vec<PinnedFile>,
+    /// How far the references are from the measured materials.
     pub reliability: Reliability,
 }
 
@@ -159,6 +195,7 @@ pub struct RebuiltManifest {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Candidate {
+    /// Name of the method in the ratings.
     pub method: String,
     /// `{material}` stands for the name.
     pub source: String,
@@ -168,6 +205,7 @@ pub struct Candidate {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reliability {
+    /// The error at which a row weighs 1/2.
     pub scale: f64,
     /// By material; others are taken as exact.
     pub errors: BTreeMap<String, f64>,
@@ -195,14 +233,17 @@ impl Manifest {
         Ok(Self { rated, rebuilt })
     }
 
+    /// Name of the study.
     pub fn name(&self) -> &str {
         self.rebuilt.as_ref().map_or(&self.rated.name, |m| &m.name)
     }
 
+    /// Title of the study.
     pub fn title(&self) -> &str {
         self.rebuilt.as_ref().map_or(&self.rated.title, |m| &m.title)
     }
 
+    /// DOI of the publication.
     pub fn doi(&self) -> &str {
         self.rebuilt.as_ref().map_or(&self.rated.doi, |m| &m.doi)
     }
@@ -241,6 +282,7 @@ impl RatedManifest {
         Ok(m)
     }
 
+    /// The method called `name`, if the manifest lists it.
     pub fn method(&self, name: &str) -> Option<&Method> {
         self.methods.iter().find(|m| m.name == name)
     }

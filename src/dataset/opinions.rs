@@ -14,14 +14,17 @@ pub const REFERENCE: &str = "REFERENCE";
 /// What was rated: one candidate of one material, under one illumination where the study has several.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Stimulus {
+    /// Name of the reference's material.
     pub material: String,
     /// The approximation method, or [`REFERENCE`].
     pub method: String,
     /// Methods of one family are fits of one model, or points of one manifold.
     pub method_family: String,
+    /// Name of the illumination, where the study states it.
     pub illumination: Option<String>,
     /// The material with its sisters.
     pub group: String,
+    /// Such as `Dielectric` or `Metal`, where the study says.
     pub material_type: Option<String>,
 }
 
@@ -37,18 +40,24 @@ impl Stimulus {
 pub enum Scores {
     /// Mean opinion scores by stimulus.
     Means(Vec<f64>),
+    /// Every score of every participant.
     Raw(RawRatings),
 }
 
 /// The ratings of a study.
 #[derive(Debug, Clone)]
 pub struct StudyOpinions {
+    /// Name of the study, or the path of its file.
     pub name: String,
     /// Ratings come from simulated observers; every output says so.
     pub synthetic: bool,
+    /// How much of the study is at hand.
     pub completeness: Completeness,
+    /// The files that were read.
     pub files: Vec<StudyFile>,
+    /// What was rated.
     pub stimuli: Vec<Stimulus>,
+    /// What people said of the stimuli.
     pub scores: Scores,
 }
 

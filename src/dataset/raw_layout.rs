@@ -29,6 +29,7 @@ pub struct RawLayout {
     /// The CSV file, in the folder of whatever states the layout.
     #[serde(default)]
     pub file: String,
+    /// Separator of the fields; a comma where nothing is stated.
     #[serde(default = "comma")]
     pub delimiter: char,
     /// The method of hidden references, as the file names it.

@@ -36,7 +36,9 @@ pub struct Judgement {
 pub struct GoldAnswer {
     /// Index of the participant.
     pub participant: usize,
+    /// The score that the participant gave.
     pub score: f64,
+    /// The score that is known to be right.
     pub expected: f64,
     /// Time to answer.
     pub seconds: Option<f64>,
@@ -45,7 +47,9 @@ pub struct GoldAnswer {
 /// Who said what. No participant judges a stimulus twice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawRatings {
+    /// Names of the participants.
     pub participants: Vec<String>,
+    /// The scores, in the order of the file.
     pub judgements: Vec<Judgement>,
     /// Answers to control questions, which are no part of any mean.
     pub gold: Vec<GoldAnswer>,

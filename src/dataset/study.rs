@@ -28,7 +28,9 @@ pub struct Row {
 /// A reference, a candidate that approximates it, and how similar people found them.
 #[derive(Debug, Clone)]
 pub struct RatedPair {
+    /// The source of the reference.
     pub reference: BrdfSource,
+    /// The source of the candidate that approximates it.
     pub candidate: BrdfSource,
     /// Name of the reference's material.
     pub material: String,
@@ -71,6 +73,7 @@ pub struct Completeness {
 }
 
 impl Completeness {
+    /// Whether every rated pair was found.
     pub fn is_whole(self) -> bool {
         self.found == self.known
     }
@@ -81,6 +84,7 @@ impl Completeness {
 pub struct StudyFile {
     /// Its path in the data folder, or the file name of a user's study: the same on every machine.
     pub name: String,
+    /// SHA-256 of the file.
     pub content: ContentHash,
     /// Whether the content is what the study's manifest pins; `None` where nothing is pinned.
     pub as_published: Option<bool>,
@@ -89,12 +93,15 @@ pub struct StudyFile {
 /// A study: pairs that people (or simulated observers) rated.
 #[derive(Debug, Clone)]
 pub struct Study {
+    /// Name of the study, or the path of its file.
     pub name: String,
     /// Ratings come from simulated observers; every output says so.
     pub synthetic: bool,
+    /// How much of the study is at hand.
     pub completeness: Completeness,
     /// Ratings and other small files that were read; empty for the embedded study.
     pub files: Vec<StudyFile>,
+    /// The rated pairs that were found.
     pub pairs: Vec<RatedPair>,
 }
 

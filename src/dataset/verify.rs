@@ -17,6 +17,7 @@ const PIECE: usize = 1 << 16;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FileState {
+    /// There is no such file.
     Missing,
     /// Size and SHA-256 are what the manifest pins.
     AsPublished,
@@ -24,13 +25,16 @@ pub enum FileState {
     Extract,
     /// Not the published content: results will not be comparable with other people's.
     Different,
+    /// The file is there but cannot be read, for the reason given.
     Unreadable(String),
 }
 
 /// Size and SHA-256 of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Measured {
+    /// Size in bytes.
     pub bytes: u64,
+    /// SHA-256 of the content.
     pub sha256: ContentHash,
 }
 
@@ -85,6 +89,7 @@ impl fmt::Display for Measured {
 /// A pinned file as it is in a data folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Checked {
+    /// Whether the file is there, and as published.
     pub state: FileState,
     /// Of the file that is there.
     pub found: Option<Measured>,

@@ -25,16 +25,24 @@ pub const MIN_ROWS_PER_MATERIAL: usize = 3;
 /// One of the figures of [`Figures`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Figure {
+    /// Pearson's r of the metric's own score and the MOS.
     PlccRaw,
+    /// Pearson's r after the logistic map.
     Plcc,
+    /// Spearman's rho.
     Srocc,
+    /// Kendall's tau-b.
     Krocc,
+    /// Root mean square error after the logistic map, in MOS.
     Rmse,
+    /// Mean over materials of Spearman's rho among the candidates of one material.
     WithinMaterialSrocc,
 }
 
 impl Figure {
+    /// All figures, in the order of the fields of [`Figures`].
     pub const ALL: [Self; 6] =
         [Self::PlccRaw, Self::Plcc, Self::Srocc, Self::Krocc, Self::Rmse, Self::WithinMaterialSrocc];
 }
@@ -42,10 +50,15 @@ impl Figure {
 /// Something for each figure: its value, its interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Figures<T> {
+    /// For Pearson's r of the metric's own score and the MOS.
     pub plcc_raw: T,
+    /// For Pearson's r after the logistic map.
     pub plcc: T,
+    /// For Spearman's rho.
     pub srocc: T,
+    /// For Kendall's tau-b.
     pub krocc: T,
+    /// For the root mean square error after the logistic map, in MOS.
     pub rmse: T,
     /// `None` where no material has enough rows.
     pub within_material_srocc: Option<T>,
@@ -55,6 +68,7 @@ pub struct Figures<T> {
 pub type Agreement = Figures<f64>;
 
 impl<T: Copy> Figures<T> {
+    /// The entry of `figure`; `None` where it is missing.
     pub fn get(&self, figure: Figure) -> Option<T> {
         match figure {
             Figure::PlccRaw => Some(self.plcc_raw),
@@ -106,6 +120,7 @@ pub struct Ratings {
 }
 
 impl Ratings {
+    /// The scores of `rows`, grouped by material and by sister materials.
     pub fn of<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Self {
         let rows: Vec<&Row> = rows.into_iter().collect();
         let mos: Vec<f64> = rows.iter().map(|row| row.mos).collect();
@@ -115,14 +130,17 @@ impl Ratings {
         Self { mos, ranking, materials, groups }
     }
 
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.mos.len()
     }
 
+    /// Whether there is no row.
     pub fn is_empty(&self) -> bool {
         self.mos.is_empty()
     }
 
+    /// Mean opinion scores, 1 to 5, one a row.
     pub fn mos(&self) -> &[f64] {
         &self.mos
     }

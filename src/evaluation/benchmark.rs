@@ -45,6 +45,7 @@ pub struct Judged {
 }
 
 impl Judged {
+    /// The agreement as plain data.
     pub fn record(&self) -> Judgement {
         Judgement {
             split: self.split,
@@ -59,14 +60,20 @@ impl Judged {
 /// One metric before it becomes a record.
 #[derive(Debug, Clone)]
 pub struct JudgedMetric {
+    /// Name of the metric.
     pub name: String,
+    /// What kind of metric it is.
     pub kind: MetricKind,
+    /// One line: what it is, what to know of the figures.
     pub note: String,
+    /// Its agreement, by split and set of rows.
     pub judged: Vec<Judged>,
+    /// Its folds of the unseen-material split.
     pub folds: Vec<FoldRecord>,
 }
 
 impl JudgedMetric {
+    /// The metric and its agreement as plain data.
     pub fn record(&self) -> MetricRecord {
         MetricRecord {
             name: self.name.clone(),

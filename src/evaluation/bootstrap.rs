@@ -31,7 +31,9 @@ pub fn draw(ratings: &Ratings, resamples: usize, seed: u64) -> Result<Resamples,
 /// The agreement of one metric, on the rows themselves and on every resample.
 #[derive(Debug, Clone)]
 pub struct Bootstrapped {
+    /// The figures on the rows themselves.
     pub agreement: Agreement,
+    /// The 95 % interval of each figure.
     pub intervals: Figures<Interval>,
     /// One a resample, in their order; `None` where the resample is constant.
     replicates: Vec<Option<Agreement>>,
@@ -84,7 +86,9 @@ impl Bootstrapped {
 /// A paired difference between two metrics.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
+    /// The difference on the rows themselves, in the unit of the figure.
     pub difference: f64,
+    /// Its 95 % interval.
     pub interval: Interval,
     /// Two-sided, of one comparison; see [`holm`].
     pub p: f64,

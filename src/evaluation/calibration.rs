@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// How often intervals held the ratings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
+    /// Number of held-out ratings.
     pub rows: usize,
     /// The share that the intervals promise.
     pub nominal: f64,

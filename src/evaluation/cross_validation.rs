@@ -24,18 +24,24 @@ use vernis_metric::math::seed;
 /// What a metric says of every row without having seen it.
 #[derive(Debug, Clone)]
 pub struct OutOfFold {
+    /// Score and MOS of every row, predicted by the fold that held it out.
     pub predictions: Predictions,
+    /// How each fold agrees on its own.
     pub folds: Vec<FoldRecord>,
 }
 
 /// One fold on its own. Correlations are `None` where ratings or predictions of the fold are all equal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoldRecord {
+    /// Index of the fold, from 0.
     pub fold: usize,
+    /// Rows that the fold trained on.
     pub training_rows: usize,
+    /// Rows that the fold predicted.
     pub held_out_rows: usize,
     /// After the logistic.
     pub plcc: Option<f64>,
+    /// Spearman's rho of score and MOS.
     pub srocc: Option<f64>,
     /// In MOS.
     pub rmse: f64,

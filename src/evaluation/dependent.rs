@@ -25,6 +25,7 @@ const Z_95: f64 = 1.959963984540054;
 pub struct DependentCorrelations {
     /// 95 % interval of r_a - r_b.
     pub zou: Interval,
+    /// z of Steiger's test.
     pub steiger_z: f64,
     /// Two-sided.
     pub steiger_p: f64,

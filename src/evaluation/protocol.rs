@@ -38,12 +38,14 @@ pub struct Protocol {
     pub method_folds: usize,
     /// Bootstrap resamples of materials.
     pub resamples: usize,
+    /// Seed of folds, training and resamples.
     pub seed: u64,
     /// Method families that the second set of rows leaves out.
     pub set_aside: Vec<String>,
 }
 
 /// What a contender knows.
+#[non_exhaustive]
 pub enum Source<'a> {
     /// Learns from the columns of its samples.
     Trainer(&'a dyn Trainer, &'a Samples),
@@ -57,18 +59,27 @@ pub enum Source<'a> {
 
 /// One metric of the benchmark.
 pub struct Contender<'a> {
+    /// Name of the metric.
     pub name: String,
+    /// What kind of metric it is.
     pub kind: MetricKind,
+    /// One line: what it is, what to know of the figures.
     pub note: String,
+    /// Where its predictions come from.
     pub source: Source<'a>,
 }
 
 /// A model retrained with other descriptors. Folds are given, for descriptors may be learned inside each.
 pub struct AblationCase {
+    /// Such as `without lights` or `only angular`.
     pub name: String,
+    /// Number of descriptors that the model takes.
     pub columns: usize,
+    /// The rows with these descriptors.
     pub samples: Samples,
+    /// Folds by material group.
     pub by_material: Vec<Fold>,
+    /// Folds by family of methods and material group.
     pub by_method: Vec<Fold>,
 }
 
@@ -248,14 +259,17 @@ impl Bench {
         self.jury.differences(&self.judged, &pairs, &[Figure::Plcc, Figure::Srocc])
     }
 
+    /// The record of every contender that was judged, in order.
     pub fn metrics(&self) -> Vec<MetricRecord> {
         self.judged.iter().map(JudgedMetric::record).collect()
     }
 
+    /// Errors of `subject` for unseen materials, by material, the largest root mean square first.
     pub fn residuals(&self, subject: &str) -> Result<Vec<MaterialResidual>, EvaluationError> {
         Ok(residuals_by_material(self.samples.rows(), self.out_of_fold(subject)?))
     }
 
+    /// What each metric of `headline` predicted for rows whose material it has not seen.
     pub fn prediction_records(&self, headline: &[String]) -> Vec<PredictionRecord> {
         let found: Vec<(&str, &Predictions)> = self
             .predictions

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 /// What the judged rows had in common with those that the metric, or its map to MOS, was fitted on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Split {
     /// Everything: fitted on the very rows that are judged.
     InSample,
@@ -23,6 +24,7 @@ pub enum Split {
 }
 
 impl Split {
+    /// All splits, those with unseen rows first.
     pub const ALL: [Self; 4] =
         [Self::UnseenMaterial, Self::UnseenMaterialAndMethod, Self::UnseenMaterialType, Self::InSample];
 
@@ -40,7 +42,9 @@ impl Split {
 /// Which rows are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum RowSet {
+    /// Every row of the study.
     All,
     /// Without the methods of [`BenchmarkRecord::set_aside`].
     WithoutSetAside,
@@ -49,6 +53,7 @@ pub enum RowSet {
 /// What kind of metric a record is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum MetricKind {
     /// Learned from ratings.
     Learned,
@@ -67,26 +72,35 @@ pub enum MetricKind {
 /// Agreement on one set of rows, under one split, with 95 % intervals of the bootstrap by material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
+    /// What the metric, or its map, had seen.
     pub split: Split,
+    /// Which rows were judged.
     pub row_set: RowSet,
+    /// Number of rows that were judged.
     pub rows: usize,
+    /// The six figures.
     pub agreement: Agreement,
+    /// The 95 % interval of each figure.
     pub intervals: Figures<Interval>,
 }
 
 /// One metric and how it agrees with people.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MetricRecord {
+    /// Name of the metric.
     pub name: String,
+    /// What kind of metric it is.
     pub kind: MetricKind,
     /// One line: what it is, what to know of the figures.
     pub note: String,
+    /// Its agreement, by split and set of rows.
     pub judgements: Vec<Judgement>,
     /// Of the unseen-material split.
     pub folds: Vec<FoldRecord>,
 }
 
 impl MetricRecord {
+    /// The agreement under `split` on `row_set`, if it was judged so.
     pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
         self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
     }
@@ -95,11 +109,17 @@ impl MetricRecord {
 /// `a` minus `b` on the same resamples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DifferenceRecord {
+    /// Name of the first metric.
     pub a: String,
+    /// Name of the second metric, which is subtracted.
     pub b: String,
+    /// The figure that is compared.
     pub figure: Figure,
+    /// What the metrics, or their maps, had seen.
     pub split: Split,
+    /// Which rows were judged.
     pub row_set: RowSet,
+    /// Difference, 95 % interval and uncorrected p.
     pub paired: Difference,
     /// Corrected for all comparisons of the same figure, split and rows.
     pub holm_p: f64,
@@ -114,13 +134,16 @@ pub struct AblationRecord {
     pub name: String,
     /// Descriptors that are left.
     pub columns: usize,
+    /// Its agreement, by split and set of rows.
     pub judgements: Vec<Judgement>,
     /// Against the full metric, unseen material, all rows.
     pub plcc_change: Option<Difference>,
+    /// Change of Spearman's rho against the full metric, unseen material, all rows.
     pub srocc_change: Option<Difference>,
 }
 
 impl AblationRecord {
+    /// The agreement under `split` on `row_set`, if it was judged so.
     pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
         self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
     }
@@ -135,6 +158,7 @@ pub struct ImportanceRecord {
     pub columns: usize,
     /// Exchanged minus whole.
     pub plcc_change: Option<Difference>,
+    /// Change of Spearman's rho, exchanged minus whole.
     pub srocc_change: Option<Difference>,
 }
 
@@ -143,10 +167,12 @@ pub struct ImportanceRecord {
 pub struct LearningPoint {
     /// Groups of materials that were trained on, the mean over folds.
     pub groups: f64,
+    /// The agreement, by split and set of rows.
     pub judgements: Vec<Judgement>,
 }
 
 impl LearningPoint {
+    /// The agreement under `split` on `row_set`, if it was judged so.
     pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
         self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
     }
@@ -155,15 +181,20 @@ impl LearningPoint {
 /// A distance and the ratings, with the logistic curve from one to the other, fitted on these very rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CurveRecord {
+    /// Name of the metric.
     pub metric: String,
+    /// The rated pairs.
     pub points: Vec<CurvePoint>,
 }
 
 /// One rated pair.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
+    /// Name of the approximation method.
     pub method: String,
+    /// The metric's distance, in its unit.
     pub distance: f64,
+    /// Mean opinion score as rated, 1 to 5.
     pub mos: f64,
     /// On the curve.
     pub mapped: f64,
@@ -172,7 +203,9 @@ pub struct CurvePoint {
 /// How far one material's predictions are from its ratings, in MOS.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialResidual {
+    /// Name of the material.
     pub material: String,
+    /// Rated pairs of the material.
     pub rows: usize,
     /// Mean of predicted minus rated.
     pub bias: f64,
@@ -180,6 +213,7 @@ pub struct MaterialResidual {
     pub rms: f64,
     /// The method with the largest error, and that error (predicted minus rated).
     pub worst_method: String,
+    /// The error of that method, in MOS.
     pub worst_error: f64,
 }
 
@@ -187,9 +221,13 @@ pub struct MaterialResidual {
 /// its material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PredictionRecord {
+    /// Name of the reference's material.
     pub material: String,
+    /// The material with its sisters.
     pub group: String,
+    /// Name of the approximation method.
     pub method: String,
+    /// Methods of one family are left out together.
     pub method_family: String,
     /// As rated.
     pub mos: f64,
@@ -200,16 +238,23 @@ pub struct PredictionRecord {
 /// Everything that a run of the benchmark found, and how to run it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchmarkRecord {
+    /// Name of the study.
     pub study: String,
     /// The ratings come from simulated observers.
     pub synthetic: bool,
+    /// Rated pairs.
     pub rows: usize,
+    /// Reference materials.
     pub materials: usize,
     /// Materials with their sisters counted once.
     pub groups: usize,
+    /// Folds by material group.
     pub folds: usize,
+    /// Bootstrap resamples of materials.
     pub resamples: usize,
+    /// Seed of folds, training and resamples.
     pub seed: u64,
+    /// The command that runs the benchmark again.
     pub command: String,
     /// Of the program and of whatever else decides the numbers, by name.
     pub versions: BTreeMap<String, String>,
@@ -219,8 +264,11 @@ pub struct BenchmarkRecord {
     pub set_aside: Vec<String>,
     /// The metrics to show first; the first of them is the one that the run is about.
     pub headline: Vec<String>,
+    /// Every metric and its agreement.
     pub metrics: Vec<MetricRecord>,
+    /// Paired differences between metrics.
     pub differences: Vec<DifferenceRecord>,
+    /// The metric retrained on other descriptors.
     pub ablation: Vec<AblationRecord>,
     /// Families first, then the descriptors that matter most.
     #[serde(default)]
@@ -228,16 +276,21 @@ pub struct BenchmarkRecord {
     /// Fewest materials first.
     #[serde(default)]
     pub learning_curve: Vec<LearningPoint>,
+    /// Distances and ratings of single metrics, with their logistic curves.
     #[serde(default)]
     pub curves: Vec<CurveRecord>,
+    /// Errors by material, the largest root mean square first.
     pub residuals: Vec<MaterialResidual>,
+    /// How well the intervals of the scores hold.
     pub calibration: Option<Calibration>,
+    /// Predictions by rated pair.
     pub predictions: Vec<PredictionRecord>,
     /// What was tried and did not help, one line each.
     pub did_not_help: Vec<String>,
 }
 
 impl BenchmarkRecord {
+    /// The record of the metric called `name`.
     pub fn metric(&self, name: &str) -> Option<&MetricRecord> {
         self.metrics.iter().find(|m| m.name == name)
     }

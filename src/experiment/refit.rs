@@ -40,12 +40,15 @@ pub const METHODS: [(&str, &str); 10] = [
 /// One fit of the list.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refit {
+    /// Name of the reference's material.
     pub material: String,
     /// Of [`METHODS`].
     pub method: &'static str,
+    /// Identifier of the model that is fitted.
     pub model: &'static str,
     /// Name of its file.
     pub file: String,
+    /// What became of the fit.
     pub outcome: Outcome,
     /// Why a file that was there was not taken for the fit that is asked for, where it is damaged.
     pub warning: Option<String>,

@@ -74,13 +74,16 @@ impl Default for BenchmarkOptions {
 pub struct TrainOptions {
     /// Of the exported metric; `None`: `vernis` for the open study, else `vernis-STUDY`.
     pub name: Option<String>,
+    /// How the study is measured.
     pub benchmark: BenchmarkOptions,
 }
 
 /// What training gives.
 #[derive(Debug, Clone)]
 pub struct Trained {
+    /// The metric, trained on all rows.
     pub metric: ExportedMetric,
+    /// How well the recipe agrees with people, measured on held-out rows.
     pub benchmark: BenchmarkRecord,
     /// What could not be kept for the next run.
     pub warnings: Vec<CacheWarning>,
@@ -121,8 +124,11 @@ pub fn benchmark(
 
 /// What a measurement is for: the command that its record names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Purpose {
+    /// `vernis train`.
     Train,
+    /// `vernis benchmark`.
     Benchmark,
 }
 

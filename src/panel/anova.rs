@@ -22,7 +22,9 @@ use vernis_metric::math::least_squares::Span;
 /// A factor and its level in each row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factor<'a> {
+    /// Name of the factor.
     pub name: &'a str,
+    /// Its level in each row.
     pub levels: Vec<&'a str>,
 }
 
@@ -35,7 +37,9 @@ pub struct Term {
     pub sum_of_squares: f64,
     /// Degrees of freedom.
     pub freedom: usize,
+    /// F, the ratio of mean squares.
     pub f: f64,
+    /// Probability of so large an F if the term has no effect.
     pub p: f64,
     /// Part of the variance that other terms leave: SS/(SS + RSS).
     pub partial_eta_squared: f64,
@@ -46,13 +50,17 @@ pub struct Term {
 pub struct Anova {
     /// Always `II`.
     pub sums_of_squares: String,
+    /// Number of rows.
     pub rows: usize,
     /// Combinations of levels, and how many of them have no row.
     pub cells: usize,
+    /// Combinations of levels that have no row.
     pub empty_cells: usize,
     /// Main effects first.
     pub terms: Vec<Term>,
+    /// RSS of the model with all terms, in squared units of the response.
     pub residual_sum_of_squares: f64,
+    /// Degrees of freedom of the residual.
     pub residual_freedom: usize,
 }
 

@@ -14,6 +14,7 @@ const REACH: f64 = 1.5;
 pub struct BoxPlot {
     /// Number of values.
     pub n: usize,
+    /// The median.
     pub median: f64,
     /// First and third.
     pub quartiles: [f64; 2],

@@ -19,7 +19,9 @@ use vernis_metric::math::quantile::Interval;
 /// A correlation, at most 1, with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Correlation {
+    /// The correlation.
     pub value: f64,
+    /// Its 95 % interval.
     pub interval: Interval,
 }
 
@@ -32,10 +34,13 @@ pub struct Intraclass {
     pub average: Correlation,
     /// k; an effective number where stimuli have different ones.
     pub raters: f64,
+    /// Number of stimuli.
     pub stimuli: usize,
     /// Of the test that stimuli do not differ, with its degrees of freedom and probability.
     pub f: f64,
+    /// Degrees of freedom of `f`: numerator, denominator.
     pub freedom: [f64; 2],
+    /// Probability of so large an `f` if stimuli do not differ.
     pub p: f64,
 }
 

@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 /// Number, mean, and sample variance (divided by n - 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
+    /// Number of values.
     pub n: usize,
+    /// Mean, in the unit of the values.
     pub mean: f64,
     /// `None` for one value.
     pub variance: Option<f64>,
@@ -33,7 +35,9 @@ pub fn negligible(variance: f64, scale: f64) -> bool {
 /// A mean over repetitions and their standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeanAndDeviation {
+    /// Mean, in the unit of the values.
     pub mean: f64,
+    /// Standard deviation, in the unit of the values.
     pub deviation: f64,
 }
 

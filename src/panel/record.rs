@@ -17,6 +17,7 @@ use vernis_metric::math::quantile::Interval;
 /// The statistics of a study. What the study does not allow is `None` and named in `missing`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StudyRecord {
+    /// Name of the study.
     pub study: String,
     /// How the record was asked for.
     pub command: String,
@@ -28,17 +29,23 @@ pub struct StudyRecord {
     pub synthetic: bool,
     /// Rated stimuli that were found, and those of the whole study.
     pub found: usize,
+    /// Rated stimuli of the whole study.
     pub known: usize,
+    /// Seed of splits and resamples.
     pub seed: u64,
     /// Where standard deviations and intervals of single means come from.
     pub spread: Spread,
     /// By stimulus.
     pub opinions: Vec<RatedStimulus>,
+    /// Number of materials.
     pub materials: usize,
+    /// Number of approximation methods.
     pub methods: usize,
     /// Illuminations, that with the most stimuli first; statistics that do not compare illuminations use it alone.
     pub illuminations: Vec<String>,
+    /// Who rated, where the study has raw scores.
     pub panel: Option<Panel>,
+    /// Agreement of random halves of the panel.
     pub split_half: Option<SplitHalf>,
     /// Where there are means alone: what the noise model expects.
     pub expected_reliability: Option<ExpectedReliability>,
@@ -46,32 +53,45 @@ pub struct StudyRecord {
     pub intraclass_one_way: Option<Intraclass>,
     /// ICC(2,1) and ICC(2,k).
     pub intraclass_two_way: Option<Intraclass>,
+    /// How the spread of scores depends on their mean.
     pub sos: Option<SosFit>,
+    /// The two types of material compared.
     pub material_types: Option<TypeComparison>,
+    /// The two illuminations compared.
     pub illumination: Option<IlluminationComparison>,
     /// Material type x method, under the first illumination.
     pub anova_two_way: Option<Anova>,
     /// Illumination x material type x method, on what was rated under both.
     pub anova_three_way: Option<Anova>,
+    /// Box plots of the mean opinion scores.
     pub boxes: Vec<BoxSet>,
+    /// Statistics that the study does not allow.
     pub missing: Vec<Missing>,
 }
 
 /// Where the spread of scores around a mean comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "source", rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Spread {
     /// The scores themselves.
     Scores,
     /// Assumed: variance a (-x^2 + 6x - 5) and a number of raters.
-    NoiseModel { a: f64, raters: usize },
+    NoiseModel {
+        /// From 0 (everybody agrees) to 1 (only ends of the scale are used).
+        a: f64,
+        /// Scores of each stimulus.
+        raters: usize,
+    },
 }
 
 /// A stimulus and what the panel said of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RatedStimulus {
+    /// What was rated.
     #[serde(flatten)]
     pub stimulus: Stimulus,
+    /// Mean opinion score and spread.
     #[serde(flatten)]
     pub opinion: Opinion,
 }
@@ -83,6 +103,7 @@ pub struct Panel {
     pub rejecting: Vec<Criterion>,
     /// Participants that are left, and their judgements: what every statistic rests on.
     pub participants: usize,
+    /// Judgements of these participants.
     pub judgements: usize,
     /// Mean and standard deviation over the participants.
     pub judgements_each: Option<MeanAndDeviation>,
@@ -130,19 +151,24 @@ pub struct IlluminationComparison {
     pub deviation: Option<TTest>,
     /// Paired test of the mean opinion scores of hidden references.
     pub hidden_references: Option<TTest>,
+    /// Pearson's r of the mean opinion scores under the two illuminations.
     pub pearson: f64,
+    /// Spearman's rho of the mean opinion scores under the two illuminations.
     pub spearman: f64,
     /// 95 %, by bootstrap of materials.
     pub pearson_interval: Option<Interval>,
+    /// 95 % of Spearman's rho, by bootstrap of materials.
     pub spearman_interval: Option<Interval>,
 }
 
 /// Box plots side by side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BoxSet {
+    /// Title of the figure.
     pub title: String,
     /// What tells the boxes apart, such as `method` and `material type`.
     pub factors: Vec<String>,
+    /// One box for each combination of levels.
     pub boxes: Vec<NamedBox>,
 }
 
@@ -151,7 +177,9 @@ pub struct BoxSet {
 pub struct NamedBox {
     /// One a factor.
     pub levels: Vec<String>,
+    /// Box plot of the mean opinion scores, 1 to 5.
     pub mos: BoxPlot,
+    /// Mean of the mean opinion scores, 1 to 5.
     pub mean: f64,
     /// 95 % of the mean, by bootstrap of materials.
     pub mean_interval: Option<Interval>,
@@ -162,6 +190,7 @@ pub struct NamedBox {
 /// A statistic that the study does not allow.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missing {
+    /// The statistic, in words.
     pub what: String,
     /// What would have been needed.
     pub why: String,

@@ -21,11 +21,13 @@ use vernis_metric::math::seed;
 /// Agreement of random halves of the panel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitHalf {
+    /// Number of random splits.
     pub splits: usize,
     /// Stimuli with at least two scores.
     pub stimuli: usize,
     /// Mean and standard deviation over the splits.
     pub pearson: MeanAndDeviation,
+    /// Mean and standard deviation over the splits, of Spearman's rho.
     pub spearman: MeanAndDeviation,
 }
 

@@ -24,16 +24,22 @@ pub const LEAST_SECONDS: f64 = 1.0;
 /// A check that can reject a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Criterion {
+    /// Too few correct answers to control questions.
     Gold,
+    /// Answers that take too little time.
     Time,
+    /// Scores far from those of the others (ITU-R BT.500-13).
     Outlier,
 }
 
 /// One participant and what the checks say.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Participant {
+    /// Name of the participant in the study's files.
     pub name: String,
+    /// Number of judgements.
     pub judgements: usize,
     /// Part of the control questions answered correctly; `None` without any.
     pub gold_accuracy: Option<f64>,

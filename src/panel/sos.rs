@@ -25,11 +25,13 @@ pub fn parabola(x: f64) -> f64 {
 /// A fitted SOS curve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SosFit {
+    /// From 0 (everybody agrees) to 1 (only ends of the scale are used).
     pub a: f64,
     /// 95 %, by bootstrap of materials.
     pub interval: Option<Interval>,
     /// Root mean square difference between found and fitted standard deviations, in grades.
     pub rmse: f64,
+    /// Number of stimuli.
     pub stimuli: usize,
 }
 

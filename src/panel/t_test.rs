@@ -15,11 +15,15 @@ use vernis_metric::math::quantile::Interval;
 /// A difference between two means, first minus second.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TTest {
+    /// Number of values in each sample.
     pub numbers: [usize; 2],
+    /// Mean of each sample.
     pub means: [f64; 2],
+    /// First mean minus second.
     pub difference: f64,
     /// 95 %, of the difference.
     pub interval: Interval,
+    /// t of the test.
     pub t: f64,
     /// Degrees of freedom.
     pub freedom: f64,

@@ -40,7 +40,9 @@ pub struct Figure {
     pub name: &'static str,
     /// One sentence: what is shown, and how to read it.
     pub caption: String,
+    /// The text of the SVG file.
     pub svg: String,
+    /// The bytes of the PNG file.
     pub png: Vec<u8>,
 }
 
@@ -81,11 +83,15 @@ const OPEN_MATERIALS: usize = 10;
 
 /// What a page on a study may show.
 pub struct Whole<'a> {
+    /// The statistics of its ratings.
     pub study: &'a StudyRecord,
     /// The judgement of metrics on it.
     pub benchmark: Option<&'a BenchmarkRecord>,
+    /// Materials whose pictures are shown.
     pub materials: &'a [Material],
+    /// The light of the pictures, in words.
     pub light: &'a str,
+    /// Energy of light probes by degree of spherical harmonics.
     #[cfg(feature = "train")]
     pub probes: &'a [figures::spectrum::Spectrum],
     /// What was looked for and is not here, a sentence each.

@@ -23,6 +23,7 @@ impl OutputFolder {
         Ok(Self { path })
     }
 
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }

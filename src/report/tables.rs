@@ -10,7 +10,9 @@ use maud::{Markup, html};
 pub struct Table {
     /// What the rows are, and over what.
     pub title: String,
+    /// Headings of the columns.
     pub columns: Vec<String>,
+    /// The cells of each row.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -37,6 +39,7 @@ impl Table {
         text
     }
 
+    /// The title and a Markdown table.
     pub fn to_markdown(&self) -> String {
         let line = |cells: &[String]| {
             let cells: Vec<String> = cells.iter().map(|c| c.replace('|', "\\|")).collect();
@@ -48,6 +51,7 @@ impl Table {
         format!("**{}**\n\n{}{rule}{rows}", self.title, line(&self.columns))
     }
 
+    /// An HTML table with the title as its caption.
     pub fn to_html(&self) -> Markup {
         html! {
             div.table {

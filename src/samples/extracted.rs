@@ -82,6 +82,7 @@ pub struct Versions {
 }
 
 impl Versions {
+    /// Versions of the descriptors in `setup` and of `metrics`.
     pub fn new(setup: &str, metrics: &[Arc<dyn Metric>]) -> Self {
         let version = |metric: &Arc<dyn Metric>| (metric.name().to_owned(), metric.version().to_owned());
         Self { setup: setup.to_owned(), metrics: metrics.iter().map(version).collect(), distances: None }
@@ -117,11 +118,13 @@ pub struct ExtractedStudy {
     pub samples: Samples,
     /// Of reference and candidate of every pair.
     pub contents: Vec<[ContentHash; 2]>,
+    /// Which part of the study it holds.
     pub shard: Shard,
     /// Of every pair in the whole study.
     pub places: Vec<usize>,
     /// Pairs of the whole study.
     pub whole: usize,
+    /// What decides the numbers besides the BRDFs.
     pub versions: Versions,
 }
 

@@ -39,12 +39,15 @@ pub enum ExtractionError {
 
 /// Where a matrix is computed from, and what it tells meanwhile.
 pub struct Extractor<'a> {
+    /// The descriptors that become columns.
     pub set: &'a DescriptorSet,
+    /// Lights and shape of the descriptors.
     pub setup: &'a Setup,
     /// Metrics whose distances become columns as well.
     pub metrics: &'a [Arc<dyn Metric>],
     /// Folder that relative sources are looked up in.
     pub base: Option<&'a Path>,
+    /// Without a cache everything is computed.
     pub cache: Option<&'a Cache>,
     /// Called from any thread each time a pair is done.
     pub progress: &'a (dyn Fn(Progress) + Sync),
@@ -57,6 +60,7 @@ pub struct Extraction {
     pub samples: Samples,
     /// Of reference and candidate of every pair.
     pub contents: Vec<[ContentHash; 2]>,
+    /// Sampled BRDFs, from which embeddings are learned.
     pub tables: NodeTables,
     /// What could not be kept for the next run.
     pub warnings: Vec<CacheWarning>,

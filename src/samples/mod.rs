@@ -110,18 +110,22 @@ impl Samples {
         Self { columns: self.columns.clone(), rows, features, swapped: None }
     }
 
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
+    /// Whether there is no row.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
+    /// Name, family and role of each column.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
+    /// What each row belongs to, and its score.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
@@ -131,6 +135,7 @@ impl Samples {
         self.features.view()
     }
 
+    /// The values of column `index`, one a row.
     pub fn column(&self, index: usize) -> ArrayView1<'_, f64> {
         self.features.column(index)
     }

@@ -15,6 +15,7 @@ pub struct Shard {
 }
 
 impl Shard {
+    /// The whole study: 1/1.
     pub const WHOLE: Self = Self { number: 1, count: 1 };
 
     /// From 1 to [`Shard::count`].
@@ -22,6 +23,7 @@ impl Shard {
         self.number
     }
 
+    /// How many shards the study is cut into.
     pub fn count(self) -> usize {
         self.count
     }

@@ -37,7 +37,9 @@ pub struct HeldOut {
 /// One split of a set of samples.
 #[derive(Debug, Clone)]
 pub struct Fold {
+    /// The rows to learn from.
     pub training: TrainingSet,
+    /// The rows to predict.
     pub held_out: HeldOut,
 }
 
@@ -47,10 +49,12 @@ impl TrainingSet {
         Self { samples: samples.clone() }
     }
 
+    /// Name, family and role of each column.
     pub fn columns(&self) -> &[Column] {
         self.samples.columns()
     }
 
+    /// What each row belongs to, and its score.
     pub fn rows(&self) -> &[Row] {
         self.samples.rows()
     }

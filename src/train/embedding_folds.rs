@@ -41,14 +41,19 @@ pub enum EmbeddingError {
 
 /// How an embedding is learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Learner {
+    /// Principal components.
     PrincipalComponents,
+    /// A small neural autoencoder.
     Autoencoder,
 }
 
 impl Learner {
+    /// All learners.
     pub const ALL: [Self; 2] = [Self::PrincipalComponents, Self::Autoencoder];
 
+    /// The name that benchmarks use, such as `pca`.
     pub fn name(self) -> &'static str {
         match self {
             Self::PrincipalComponents => "pca",
@@ -168,8 +173,11 @@ impl TableBank {
 
 /// Folds by material, and by method and material, whose columns were learned inside each.
 pub struct EmbeddedFolds {
+    /// Number of columns, those of the embedding included.
     pub columns: usize,
+    /// Folds by material group.
     pub by_material: Vec<Fold>,
+    /// Folds by family of methods and material group.
     pub by_method: Vec<Fold>,
 }
 

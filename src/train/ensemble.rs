@@ -13,7 +13,9 @@ use vernis_metric::metric::learned::Regressor;
 
 /// The mean of what several trainers learn.
 pub struct Average {
+    /// Name of the average.
     pub name: String,
+    /// The trainers, each with the same weight.
     pub trainers: Vec<Box<dyn Trainer>>,
 }
 
@@ -78,7 +80,9 @@ fn average_regressors(members: &[Box<dyn Predictor>]) -> Option<Regressor> {
 
 /// A trainer that sees only some columns; what it returns still takes rows of all.
 pub struct OnColumns<T, F> {
+    /// Name of the trainer with these columns.
     pub name: String,
+    /// What learns from the columns.
     pub trainer: T,
     /// Which columns it sees.
     pub keep: F,

@@ -18,12 +18,15 @@ pub enum ExportError {
 
 /// Everything about an exported metric but what was learned.
 pub struct Export<'a> {
+    /// Name of the metric.
     pub name: &'a str,
+    /// Version of its numbers.
     pub metric_version: &'a str,
     /// What the model's inputs are.
     pub descriptors: Descriptors,
     /// Of its scores.
     pub interval: Interval,
+    /// Where it comes from.
     pub provenance: Provenance,
 }
 

@@ -32,10 +32,12 @@ pub struct ElasticNet {
 }
 
 impl ElasticNet {
+    /// Ridge regression: the squared penalty alone, in six strengths to choose from.
     pub fn ridge() -> Self {
         Self { penalties: vec![0.003, 0.01, 0.03, 0.1, 0.3, 1.0], l1_ratio: 0.0 }
     }
 
+    /// Half absolute and half squared penalty, in two strengths to choose from.
     pub fn mixed() -> Self {
         Self { penalties: vec![0.01, 0.03], l1_ratio: 0.5 }
     }

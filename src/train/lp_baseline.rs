@@ -21,6 +21,7 @@ pub struct SingleMetric {
 
 /// What a choice among columns maximises, in absolute value, on the training rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Criterion {
     /// Spearman's rank correlation.
     Srocc,
@@ -31,15 +32,20 @@ pub enum Criterion {
 /// The best of several columns, chosen and mapped on the training rows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BestOf {
+    /// Names of the columns to choose from.
     pub columns: Vec<String>,
+    /// What the choice maximises.
     pub criterion: Criterion,
 }
 
 /// A column and its map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MappedColumn {
+    /// Name of the column.
     pub column: String,
+    /// Its place among the columns.
     pub index: usize,
+    /// From its values to mean opinion scores.
     pub map: Logistic4,
 }
 

@@ -33,7 +33,9 @@ pub fn uses(column: &Column) -> bool {
 
 /// A trainer that also learns from the pairs with reference and candidate exchanged.
 pub struct Exchanged<T> {
+    /// Name of the trainer with exchanged pairs.
     pub name: String,
+    /// What learns from the doubled rows.
     pub trainer: T,
     /// Of an exchanged pair, against its original.
     pub weight: f64,

@@ -12,8 +12,11 @@ use std::collections::BTreeMap;
 
 /// What rows share that get one prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MeanOf {
+    /// The approximation method.
     Method,
+    /// The approximation method and the type of material.
     MethodAndMaterialType,
 }
 
@@ -26,6 +29,7 @@ pub struct MeanTable {
 }
 
 impl MeanOf {
+    /// The name that benchmarks use, such as `mean-of-method`.
     pub fn name(self) -> &'static str {
         match self {
             MeanOf::Method => "mean-of-method",

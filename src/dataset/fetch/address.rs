@@ -14,7 +14,9 @@ const GITHUB_RAW: &str = "https://raw.githubusercontent.com/";
 
 /// A copy of a data folder, complete or not.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Mirror {
+    /// A folder that is laid out as the data folder is.
     Folder(PathBuf),
     /// `http://` or `https://`, without a slash at the end.
     Url(String),
@@ -47,8 +49,11 @@ impl Mirror {
 
 /// The place of one file.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Address {
+    /// A file on this computer.
     File(PathBuf),
+    /// An `http://` or `https://` address.
     Http(String),
 }
 

@@ -38,12 +38,16 @@ pub enum Outcome {
     /// A part of the published content was there, and was left.
     Extract,
     /// Received: all of its bytes, or those that an earlier run had not received.
-    Fetched { bytes: u64 },
+    Fetched {
+        /// Bytes received in this call.
+        bytes: u64,
+    },
 }
 
 /// How far a transfer is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transfer {
+    /// Bytes of the file that are here, including those of an earlier run.
     pub done: u64,
     /// Size of the whole file, where it is known.
     pub whole: Option<u64>,

@@ -72,6 +72,7 @@ pub struct Difference {
 }
 
 impl Difference {
+    /// The difference between two pictures of the same size.
     pub fn between(a: &Percept, b: &Percept) -> Self {
         let (a1, b1) = (halved(a), halved(b));
         let structure = 0.5 * (dissimilarity(a, b, SIDE) + dissimilarity(&a1, &b1, SIDE / 2));

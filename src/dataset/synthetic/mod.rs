@@ -40,6 +40,7 @@ const CANDIDATE_SEED: u64 = 2021;
 
 /// The study with what a human study does not reveal.
 pub struct SyntheticStudy {
+    /// The study as any other is loaded.
     pub study: Study,
     /// The truth behind the ratings, 1 to 5, by pair.
     pub quality: Vec<f64>,
@@ -188,7 +189,7 @@ mod tests {
         let content = |s: &SyntheticStudy| -> Vec<_> {
             let hash = |b: &BrdfSource| match b {
                 BrdfSource::Generated(open) => open.content,
-                BrdfSource::Notation(_) => panic!("everything is generated"),
+                _ => panic!("everything is generated"),
             };
             s.study.pairs.iter().map(|p| (hash(&p.reference), hash(&p.candidate))).collect()
         };

@@ -35,6 +35,7 @@ pub const CARELESS: usize = 3;
 
 /// Raw ratings and what is behind them.
 pub struct Sessions {
+    /// Stimuli and raw scores.
     pub opinions: StudyOpinions,
     /// The truth behind the ratings, 1 to 5, by stimulus.
     pub quality: Vec<f64>,

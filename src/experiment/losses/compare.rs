@@ -26,8 +26,11 @@ const SIGNIFICANCE: f64 = 0.05;
 /// What can be said of a loss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
+    /// The loss is better, with a corrected p below 0.05.
     Better,
+    /// The loss is worse, with a corrected p below 0.05.
     Worse,
+    /// The corrected p is 0.05 or more.
     Undecided,
     /// The judge is the loss or the baseline.
     NotFair,
@@ -36,14 +39,19 @@ pub enum Verdict {
 /// A loss against a baseline by one judge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
+    /// Name of the judge.
     pub judge: String,
+    /// The loss that is compared.
     pub loss: Loss,
+    /// The loss that it is compared with.
     pub baseline: Loss,
     /// Per cent, or opinion scores for the judge `mos`; p is corrected where the comparison is fair.
     pub difference: Difference,
     /// Materials on which the loss is better, and their interval.
     pub wins: usize,
+    /// The 95 % interval of `wins`, in materials.
     pub wins_interval: Interval,
+    /// What the corrected p allows to say.
     pub verdict: Verdict,
 }
 
@@ -84,14 +92,17 @@ impl Judged {
         })
     }
 
+    /// Names of the materials.
     pub fn materials(&self) -> &[String] {
         &self.materials
     }
 
+    /// Identifiers of the models.
     pub fn models(&self) -> &[String] {
         &self.models
     }
 
+    /// The losses, sorted.
     pub fn losses(&self) -> &[Loss] {
         &self.losses
     }

@@ -25,6 +25,7 @@ const MODELS: [&str; 3] = ["ggx", "ward-duer", "blinn-phong"];
 pub struct LossesOptions {
     /// Folder that relative sources are looked up in, and that holds the study's two light probes.
     pub data: Option<PathBuf>,
+    /// Without a cache everything is computed.
     pub cache: Option<Cache>,
     /// Where metrics and fits are kept as files; an experiment that was interrupted goes on from there.
     pub folder: PathBuf,
@@ -65,6 +66,7 @@ impl LossesOptions {
 /// The experiment's findings.
 #[derive(Debug, Clone)]
 pub struct Found {
+    /// The findings as plain data.
     pub record: LossesRecord,
     /// Kept fits that were damaged or changed and were made again, and what could not be kept.
     pub warnings: Vec<String>,

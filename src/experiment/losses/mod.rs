@@ -30,6 +30,7 @@ use vernis_metric::fit::optimizer::Method;
 /// What a fit minimises, and from where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Loss {
     /// D4.Cl, the study's own: the baseline.
     Square,
@@ -46,6 +47,7 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// All losses, the baseline first.
     pub const ALL: [Self; 6] =
         [Self::Square, Self::Logarithm, Self::CubeRoot, Self::Transport, Self::Learned, Self::Blended];
 

@@ -14,7 +14,9 @@ const BASELINES: [Loss; 2] = [Loss::Square, Loss::Logarithm];
 /// How the searches under a loss ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Searches {
+    /// The loss that was minimised.
     pub loss: Loss,
+    /// Number of fits under the loss.
     pub fits: usize,
     /// Those that spent their evaluations.
     pub unfinished: usize,
@@ -25,13 +27,19 @@ pub struct Searches {
 /// The experiment's findings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LossesRecord {
+    /// Name of the study.
     pub study: String,
+    /// Ratings come from simulated observers.
     pub synthetic: bool,
     /// SHA-256 of the study's files by name.
     pub data: BTreeMap<String, String>,
+    /// What decides the numbers, besides the data.
     pub settings: Settings,
+    /// Names of the materials whose references were fitted.
     pub materials: Vec<String>,
+    /// Names of the judges.
     pub judges: Vec<String>,
+    /// Bootstrap resamples of materials.
     pub resamples: usize,
     /// Over all models, against each baseline.
     pub pooled: Vec<(Loss, Vec<Comparison>)>,
@@ -39,6 +47,7 @@ pub struct LossesRecord {
     pub by_model: Vec<(String, Vec<Comparison>)>,
     /// Blended against learned, if both are there: all models, then each.
     pub blending: Vec<(String, Vec<Comparison>)>,
+    /// One entry a loss.
     pub searches: Vec<Searches>,
 }
 

@@ -32,7 +32,9 @@ const PICTURES: [(&str, &str); 2] = [("log", "lights.dE4"), ("screen", "display.
 /// What decides the numbers, besides the data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
+    /// Identifiers of the models that are fitted.
     pub models: Vec<String>,
+    /// The losses that are compared.
     pub losses: Vec<Loss>,
     /// Cells of an Lp metric to a cell of its search, along each axis.
     pub coarsening: usize,
@@ -40,9 +42,11 @@ pub struct Settings {
     pub max_evaluations: usize,
     /// Transport and energy distance, with their grids, as the registry names them.
     pub transport: String,
+    /// The energy distance with its grid, as the registry names it.
     pub energy: String,
     /// Of the order of the materials, the folds and the training.
     pub seed: u64,
+    /// Folds by material for the learned metrics.
     pub folds: usize,
 }
 
@@ -50,17 +54,22 @@ pub struct Settings {
 pub struct Probe {
     /// Such as `grace`.
     pub name: String,
+    /// The setup of the descriptors, with the probe as its light.
     pub setup: Arc<Setup>,
 }
 
 /// The file of one fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FitRecord {
+    /// Version of the file; others are computed again.
     pub version: u32,
     /// A hash of the settings, the study and the probes.
     pub settings: String,
+    /// Name of the reference's material.
     pub material: String,
+    /// The loss that was minimised.
     pub loss: Loss,
+    /// Model, parameters and course of the fit.
     pub fit: FitFile,
     /// By judge.
     pub judged: BTreeMap<String, f64>,
@@ -68,9 +77,13 @@ pub struct FitRecord {
 
 /// The experiment.
 pub struct Experiment<'a> {
+    /// The study whose references are fitted.
     pub study: &'a Study,
+    /// What decides the numbers, besides the data.
     pub settings: &'a Settings,
+    /// Learned metrics that have not seen the material.
     pub unseen: &'a UnseenMetrics,
+    /// Light probes under which pictures are compared.
     pub probes: &'a [Probe],
     /// Where relative sources are looked up.
     pub base: Option<&'a Path>,
@@ -78,6 +91,7 @@ pub struct Experiment<'a> {
     pub folder: &'a Path,
     /// Keeps the text of a file under its name in that folder.
     pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
+    /// Told how many fits are done.
     pub progress: &'a (dyn Fn(Progress) + Sync),
     /// Told of files that are there and cannot be used.
     pub warn: &'a (dyn Fn(&str) + Sync),

@@ -31,7 +31,9 @@ const JUDGE_SEED: u64 = 1_000_003;
 
 /// The two metrics of a fold.
 pub struct Unseen {
+    /// The metric to fit with.
     pub loss: LearnedMetric,
+    /// The metric to judge with, trained with another seed.
     pub judge: LearnedMetric,
 }
 
@@ -50,17 +52,23 @@ impl UnseenMetrics {
 
 /// How to train them.
 pub struct UnseenTraining<'a> {
+    /// The study whose ratings are learned from.
     pub study: &'a Study,
     /// Where relative sources are looked up.
     pub base: Option<&'a Path>,
+    /// Without a cache every descriptor is computed.
     pub cache: Option<&'a Cache>,
+    /// What learns from the ratings.
     pub trainer: &'a dyn Trainer,
+    /// Number of folds by material group.
     pub folds: usize,
+    /// Seed of folds and training.
     pub seed: u64,
     /// Where metrics of earlier runs lie.
     pub folder: &'a Path,
     /// Keeps the text of a file under its name in that folder.
     pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
+    /// Told how far descriptors and training are.
     pub progress: Observer<'a>,
 }
 

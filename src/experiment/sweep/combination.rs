@@ -12,23 +12,33 @@
 use std::fmt;
 use vernis_metric::metric::graph::Tone;
 
+/// Lengths of the base axes (the paper's alpha).
 pub const ALPHAS: [f64; 4] = [0.01, 0.05, 0.1, 1.0];
+/// Length scales below which transport is smoothed (the paper's epsilon).
 pub const BLURS: [f64; 4] = [0.01, 0.02, 0.05, 0.1];
+/// Factors from one blur of the annealing to the next (the paper's s).
 pub const SCALINGS: [f64; 4] = [0.8, 0.9, 0.95, 0.99];
+/// Powers of the distance in the ground cost (the paper's p).
 pub const POWERS: [f64; 2] = [2.0, 1.0];
+/// Powers that are applied to the divergence.
 pub const GAMMAS: [f64; 3] = [0.25, 0.35, 0.5];
 
 /// The distances of the study's section 6.1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Family {
+    /// The transport distance.
     Transport,
+    /// The energy distance.
     Energy,
 }
 
 /// Parameters, but for gamma.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Combination {
+    /// Length of the base axes.
     pub alpha: f64,
+    /// The curve phi that compresses the values of the graph.
     pub tone: Tone,
     /// `None`: the energy distance.
     pub transport: Option<Transport>,
@@ -37,8 +47,11 @@ pub struct Combination {
 /// Those of the transport distance alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transport {
+    /// Power of the distance in the ground cost, 1 or 2.
     pub p: f64,
+    /// Length scale below which transport is smoothed (the paper's epsilon).
     pub blur: f64,
+    /// Factor from one blur of the annealing to the next (the paper's s).
     pub scaling: f64,
 }
 
@@ -63,6 +76,7 @@ impl Combination {
         all
     }
 
+    /// Which of the two distances the parameters belong to.
     pub fn family(&self) -> Family {
         if self.transport.is_some() { Family::Transport } else { Family::Energy }
     }

@@ -19,6 +19,7 @@ pub struct SweepOptions {
     pub data: Option<PathBuf>,
     /// Where each combination that is done is kept as a file; a sweep that was interrupted goes on from there.
     pub folder: PathBuf,
+    /// What is computed and judged, in order.
     pub combinations: Vec<Combination>,
     /// Cells that are compared.
     pub grid: GraphGrid,
@@ -28,12 +29,14 @@ pub struct SweepOptions {
     pub memory: usize,
     /// Without it, only what is kept already is judged.
     pub compute: bool,
+    /// How the combinations are judged.
     pub protocol: SweepProtocol,
 }
 
 /// A sweep, as far as it came.
 #[derive(Debug, Clone)]
 pub struct Swept {
+    /// The agreement of everything that is done.
     pub record: SweepRecord,
     /// Combinations that are done.
     pub done: usize,

@@ -18,7 +18,9 @@ use vernis_metric::descriptor::{Column, Role};
 /// One figure and its 95 % interval, by bootstrap over groups of materials.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Judged {
+    /// The figure, a correlation.
     pub value: f64,
+    /// Its 95 % interval.
     pub interval: Interval,
 }
 
@@ -27,22 +29,30 @@ pub struct Judged {
 pub struct SweepRow {
     /// The metric's name, or what was chosen among.
     pub name: String,
+    /// Pearson's r of the distance, negated, and the MOS.
     pub plcc_raw: Judged,
     /// After the 4-parameter logistic map.
     pub plcc: Judged,
+    /// Spearman's rho of the distance, negated, and the MOS.
     pub srocc: Judged,
 }
 
 /// All that a sweep found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SweepRecord {
+    /// Name of the study.
     pub study: String,
+    /// Cells along theta_i, theta_o and phi_d, such as `45x45x180`.
     pub grid: String,
     /// Of the transport distances.
     pub accuracy: String,
+    /// Rated pairs.
     pub rows: usize,
+    /// Folds by material group.
     pub folds: usize,
+    /// Bootstrap resamples of materials.
     pub resamples: usize,
+    /// Seed of folds and resamples.
     pub seed: u64,
     /// Every combination and gamma, logistic map fitted on the rows that are judged; best PLCC first.
     pub in_sample: Vec<SweepRow>,
@@ -55,8 +65,11 @@ pub struct SweepRecord {
 /// What a judgement needs beside the divergences.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepProtocol {
+    /// Folds by material group.
     pub folds: usize,
+    /// Bootstrap resamples of materials.
     pub resamples: usize,
+    /// Seed of folds and resamples.
     pub seed: u64,
 }
 

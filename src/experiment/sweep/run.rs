@@ -20,14 +20,21 @@ use vernis_metric::metric::transport::TransportMetric;
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// The divergences (R, G, B) of every pair, in the order of the study.
-    Computed { channels: Vec<[f64; 3]> },
+    Computed {
+        /// R, G and B, one entry a pair.
+        channels: Vec<[f64; 3]>,
+    },
     /// The metric does not cover this combination on this grid.
-    Refused { reason: String },
+    Refused {
+        /// Why the metric refuses it.
+        reason: String,
+    },
 }
 
 /// What the files of a sweep belong to: those of another grid, accuracy or study are not taken for this one's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
+    /// Cells along theta_i, theta_o and phi_d, such as `45x45x180`.
     pub grid: String,
     /// A name of [`Accuracy::NAMES`](vernis_metric::metric::transport::Accuracy::NAMES), for transport.
     pub accuracy: String,
@@ -36,6 +43,7 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// The setting of a sweep over `study`, whose fingerprint is computed here.
     pub fn new(grid: &str, accuracy: &str, study: &Study) -> Self {
         let [grid, accuracy] = [grid, accuracy].map(str::to_owned);
         Self { grid, accuracy, study: fingerprint(study) }
@@ -56,14 +64,18 @@ impl Setting {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CombinationRecord {
+    /// Notation of the combination, without gamma.
     pub metric: String,
     /// Of the metric's numbers: those of another version are computed again.
     pub version: String,
+    /// What the file belongs to.
     pub setting: Setting,
+    /// What the combination gave.
     pub outcome: Outcome,
 }
 
 impl CombinationRecord {
+    /// The record of `combination`, with the version of its metric.
     pub fn new(combination: &Combination, setting: &Setting, outcome: Outcome) -> Self {
         let (metric, version) = (combination.to_string(), combination.version().to_owned());
         Self { metric, version, setting: setting.clone(), outcome }

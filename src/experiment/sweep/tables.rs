@@ -49,6 +49,7 @@ impl StudyTables {
         Ok(Self { sources, kept, pairs, grid, base: base.map(Path::to_owned) })
     }
 
+    /// The cells of the tables.
     pub fn grid(&self) -> GraphGrid {
         self.grid
     }
@@ -58,6 +59,7 @@ impl StudyTables {
         self.pairs.len()
     }
 
+    /// Whether there is no pair.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }

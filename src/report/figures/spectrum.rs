@@ -8,7 +8,9 @@ use plotters::prelude::DrawingBackend;
 /// The energies of one probe: its name, and its share of energy by degree from 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
+    /// Name of the light probe.
     pub name: String,
+    /// Share of energy by degree of spherical harmonics from 0; sums to 1.
     pub shares: Vec<f64>,
 }
 

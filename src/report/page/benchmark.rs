@@ -85,6 +85,7 @@ fn push(page: &mut String, words: std::fmt::Arguments<'_>) {
     let _ = page.write_fmt(words);
 }
 
+/// The title of the page: metric, observers and study.
 pub fn title(record: &BenchmarkRecord) -> String {
     let observers = if record.synthetic { "SYNTHETIC observers" } else { "people" };
     format!("{}: agreement with {observers} on {}", tables::subject(record), record.study)

@@ -6,9 +6,11 @@ use maud::{Markup, html};
 
 /// A material of a study.
 pub struct Material {
+    /// Name of the material.
     pub name: String,
     /// Of the reference, a PNG file.
     pub reference: Vec<u8>,
+    /// Its approximations.
     pub candidates: Vec<Candidate>,
     /// Root mean square of predicted minus rated, where a metric predicted.
     pub error: Option<f64>,
@@ -16,6 +18,7 @@ pub struct Material {
 
 /// An approximation of a material.
 pub struct Candidate {
+    /// Name of the approximation method.
     pub method: String,
     /// A PNG file.
     pub picture: Vec<u8>,

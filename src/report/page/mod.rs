@@ -16,7 +16,9 @@ const SCRIPT: &str = include_str!("sort.js");
 
 /// What stands around the contents of a page.
 pub struct Head {
+    /// The title of the page.
     pub title: String,
+    /// Ratings come from simulated observers; the page says so.
     pub synthetic: bool,
     /// What is needed to make the page again: names and values.
     pub provenance: Vec<(String, String)>,

@@ -50,11 +50,13 @@ impl Default for Autoencoder {
 /// The encoder as plain numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Encoder {
+    /// The principal components that enter.
     pub components: PrincipalComponents,
     /// Divides the components' scores.
     pub scale: f64,
     /// From scaled scores to the code.
     pub layers: Vec<Dense>,
+    /// Follows every layer but the last.
     pub activation: Activation,
     /// Share of the rows' variance, within the components' span, that the decoder rebuilds from the code.
     pub rebuilt: f64,

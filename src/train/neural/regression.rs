@@ -37,10 +37,12 @@ pub struct NeuralNetwork {
     pub hidden: Vec<usize>,
     /// Networks whose mean is the prediction.
     pub members: usize,
+    /// Passes over the training rows.
     pub epochs: usize,
     /// Stop where the inner folds say so, at the latest after `epochs`. Off by default: with this schedule the held-out
     /// error is flat near the end, and choosing costs twice the time and up to .01 of correlation.
     pub choose_epochs: bool,
+    /// Rows in one step of the optimiser.
     pub batch: usize,
     /// Learning rate at the start of the cosine.
     pub rate: f64,

@@ -22,9 +22,25 @@ pub enum Anchor {
 pub enum Grid {
     /// MERL: `theta_h` rows are spaced by the square root, `theta_d` linearly over 0 to 90 degrees, and `phi_d`
     /// linearly over 0 to 180 degrees (180 columns, reciprocal) or 0 to 360 degrees (360 columns).
-    HalfDifference { theta_h: usize, theta_d: usize, phi_d: usize },
+    HalfDifference {
+        /// Cells along the angle between half vector and normal.
+        theta_h: usize,
+        /// Cells along the angle between half vector and incident direction.
+        theta_d: usize,
+        /// Cells along the azimuth of the incident direction about the half vector.
+        phi_d: usize,
+    },
     /// Standard coordinates with phi_i = 0: both polar angles over 0 to 90 degrees, `phi_d` over 0 to 360 degrees.
-    Standard { theta_i: usize, theta_o: usize, phi_d: usize, anchor: Anchor },
+    Standard {
+        /// Cells along the polar angle of the incident direction.
+        theta_i: usize,
+        /// Cells along the polar angle of the outgoing direction.
+        theta_o: usize,
+        /// Cells along the difference of the two azimuths.
+        phi_d: usize,
+        /// Where in a cell its value belongs.
+        anchor: Anchor,
+    },
 }
 
 impl Grid {
@@ -50,6 +66,7 @@ impl Grid {
         self.shape().iter().product()
     }
 
+    /// Whether the grid has no cell.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -28,6 +28,7 @@ const SUBFOLDERS: [&str; 5] = ["nbrdf", "published-fits", "bagher2016-npf", "mer
 pub struct ContentHash(pub [u8; 32]);
 
 impl ContentHash {
+    /// The SHA-256 of `bytes`.
     pub fn of(bytes: &[u8]) -> Self {
         Self(Sha256::digest(bytes).into())
     }
@@ -56,7 +57,9 @@ impl fmt::Display for ContentHash {
 pub struct OpenBrdf {
     /// The notation it was opened from.
     pub notation: String,
+    /// SHA-256 of what defines the BRDF.
     pub content: ContentHash,
+    /// The BRDF itself.
     pub brdf: Arc<dyn Brdf>,
 }
 
@@ -71,6 +74,7 @@ impl fmt::Debug for OpenBrdf {
 pub struct IdentifiedBrdf {
     /// The notation it was opened from.
     pub notation: String,
+    /// SHA-256 of what defines the BRDF.
     pub content: ContentHash,
     state: State,
 }
@@ -144,6 +148,7 @@ enum Found {
 
 /// Where a BRDF comes from; nothing is read until it is opened.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum BrdfSource {
     /// The source notation, such as `merl_nbrdf.zip:teflon` or `low_lowmicrofacet_E2.fit:teflon?eta=2.5`.
     Notation(String),

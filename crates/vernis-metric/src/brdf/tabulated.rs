@@ -114,6 +114,7 @@ impl TabulatedBrdf {
         Self::new(grid, values, valid)
     }
 
+    /// The cells that the values belong to.
     pub fn grid(&self) -> Grid {
         self.grid
     }

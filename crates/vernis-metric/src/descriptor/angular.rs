@@ -92,6 +92,7 @@ pub struct AngularProfile {
 }
 
 impl AngularProfile {
+    /// The logarithms of the values in `table`, node by node.
     pub fn new(table: &NodeTable) -> Self {
         let logs = table
             .values()

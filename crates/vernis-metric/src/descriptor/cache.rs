@@ -27,7 +27,9 @@ const LONGEST_WRITE: Duration = Duration::from_secs(3600);
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{}: cannot be written ({reason}); the next run computes it again", path.display())]
 pub struct CacheWarning {
+    /// Where the result should have been kept.
     pub path: PathBuf,
+    /// Why it could not be written.
     pub reason: String,
 }
 

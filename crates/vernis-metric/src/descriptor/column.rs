@@ -19,5 +19,6 @@ pub struct Column {
     pub name: String,
     /// Such as `lights`, the unit of an ablation.
     pub family: String,
+    /// Whether the column compares the two BRDFs or describes the reference.
     pub role: Role,
 }

@@ -23,8 +23,11 @@ pub const INPUTS: usize = 3 * NODES;
 /// How three channels become logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum LogSpace {
+    /// ln(f + 0.001) of R, G and B.
     Rgb,
+    /// ln(Y + 0.001), ln((R + 0.001) / (G + 0.001)) and ln((B + 0.001) / (G + 0.001)).
     Opponent,
 }
 
@@ -46,6 +49,7 @@ pub fn log_map(table: &NodeTable, space: LogSpace) -> Vec<f64> {
 pub struct EmbeddingParts {
     /// Family of its descriptors, such as `pca`; these are then `pca.0`, `pca.1`...
     pub name: String,
+    /// Which three logarithms a node has.
     pub space: LogSpace,
     /// [`INPUTS`] numbers.
     pub mean: Vec<f32>,
@@ -88,6 +92,7 @@ impl Embedding {
         Ok(Self(parts))
     }
 
+    /// The numbers that the embedding consists of.
     pub fn parts(&self) -> &EmbeddingParts {
         &self.0
     }

@@ -95,6 +95,7 @@ fn block_means(side: usize, image: &[f64]) -> Vec<f64> {
 }
 
 impl Frame {
+    /// Prepares the windows for pictures of `shape`.
     pub fn new(shape: &Shape) -> Self {
         let mut coverage = vec![0.0; SIDE * SIDE];
         shape.cells().iter().for_each(|&c| coverage[c] = 1.0);

@@ -19,7 +19,9 @@ const HALF_DIFFERENCE: &str = "Rusinkiewicz 1998, doi:10.1007/978-3-7091-6453-2_
 /// One descriptor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Description {
+    /// Name, family and role.
     pub column: Column,
+    /// Unit of its values, `"1"` where they have none.
     pub unit: &'static str,
     /// One line.
     pub meaning: String,
@@ -30,6 +32,7 @@ pub struct Description {
 /// A family of descriptors defined by code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Family {
     /// Pictures under lamps, 18.
     Lights,
@@ -231,6 +234,7 @@ impl DescriptorSet {
         Self::new(Family::ALL.to_vec())
     }
 
+    /// A set of these families, without embeddings.
     pub fn new(families: Vec<Family>) -> Self {
         Self { families, embeddings: vec![] }
     }
@@ -241,10 +245,12 @@ impl DescriptorSet {
         self
     }
 
+    /// The families in order.
     pub fn families(&self) -> &[Family] {
         &self.families
     }
 
+    /// The learned embeddings in order; their columns follow those of the families.
     pub fn embeddings(&self) -> &[Embedding] {
         &self.embeddings
     }

@@ -23,6 +23,7 @@ const ALBEDO_ANGLES: [f64; 2] = [0.0, 60.0];
 
 /// The lights that carry detail.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Lights {
     /// Three layouts of lamps, defined by code.
     #[default]
@@ -33,7 +34,9 @@ pub enum Lights {
 
 /// The shape whose normals weight the pictures.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum ShapeChoice {
+    /// The unit sphere, defined by code.
     #[default]
     Sphere,
     /// An ASCII PLY mesh.
@@ -43,7 +46,9 @@ pub enum ShapeChoice {
 /// What the descriptors depend on besides the two BRDFs.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DescriptorOptions {
+    /// The lights that carry detail.
     pub lights: Lights,
+    /// The shape in the pictures.
     pub shape: ShapeChoice,
 }
 

@@ -22,6 +22,7 @@ pub(super) const DIGITS: usize = 16;
 /// The parts of an id.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SetupId {
+    /// Version of the descriptors, see [`VERSION`].
     pub version: u32,
     /// Of the light probe, where lights are not defined by code.
     pub probe: Option<String>,

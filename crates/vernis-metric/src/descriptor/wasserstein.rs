@@ -25,6 +25,7 @@ pub struct ValueQuantiles {
 }
 
 impl ValueQuantiles {
+    /// The quantiles of the sampled nodes of `table`.
     pub fn new(table: &NodeTable) -> Self {
         let weights: Vec<f64> = (0..NODES).map(solid_angle).collect();
         let channels = std::array::from_fn(|c| {

@@ -46,6 +46,7 @@ const SCATTER: f64 = 1.0;
 
 /// Where a fit begins.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Start {
     /// [`staged`].
     Staged,
@@ -58,6 +59,7 @@ pub enum Start {
 }
 
 impl Start {
+    /// The name that fit files use, such as `log-at-once`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Staged => "staged",
@@ -77,6 +79,7 @@ pub struct Fitting<'a> {
     pub metric: &'a dyn Metric,
     /// `None`: at a log fit for learned metrics, staged for others.
     pub start: Option<Start>,
+    /// How each start is searched.
     pub method: Method,
     /// How many starts are searched from.
     pub starts: usize,
@@ -90,16 +93,21 @@ pub struct Fitting<'a> {
 
 /// The result of a fit.
 pub struct Fitted {
+    /// The model with the parameters that were found.
     pub model: Arc<dyn AnalyticBrdf>,
-    /// The metric's distance at the start and at the end.
+    /// The metric's distance at the start.
     pub value_at_start: f64,
+    /// The metric's distance at the end.
     pub value: f64,
-    /// How the search ended, its method and start.
+    /// How the search ended.
     pub stop: StopReason,
+    /// Name of the search method, such as `lbfgs`.
     pub method: &'static str,
+    /// Name of the start, see [`Start::name`].
     pub start: &'static str,
     /// Of all searches and starts; those of the polish apart.
     pub evaluations: usize,
+    /// Evaluations of the polish under the metric itself.
     pub polish_evaluations: usize,
     /// Improvements of the search that won, under the loss of the search.
     pub history: Vec<Improvement>,

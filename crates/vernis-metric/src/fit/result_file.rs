@@ -39,11 +39,14 @@ pub const FIT_VERSION: &str = "1";
 /// The loss of a fit.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MetricUsed {
+    /// Registry name of the metric.
     pub name: String,
+    /// Version of the metric's numbers.
     pub version: String,
 }
 
 impl MetricUsed {
+    /// Name and version of `metric`.
     pub fn of(metric: &dyn Metric) -> Self {
         Self { name: metric.name().to_owned(), version: metric.version().to_owned() }
     }
@@ -54,32 +57,53 @@ impl MetricUsed {
 pub struct ReferenceUsed {
     /// In the notation of sources.
     pub source: String,
+    /// SHA-256 of the reference's content, 64 hexadecimal digits.
     pub sha256: String,
 }
 
 /// The content of a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FitFile {
+    /// Version of the file format.
     pub format: u32,
+    /// Identifier of the model.
     pub model: String,
+    /// The parameters by field; a colour is a list of three numbers.
     pub parameters: Map<String, Value>,
+    /// What was fitted.
     pub reference: ReferenceUsed,
+    /// The loss.
     pub metric: MetricUsed,
+    /// The metric's distance at the start.
     pub value_at_start: f64,
+    /// The metric's distance at the end.
     pub value: f64,
+    /// Name of the start, see [`Start::name`](super::Start::name).
     pub start: String,
+    /// Name of the search method, such as `lbfgs`.
     pub optimizer: String,
+    /// Seed of the random starts.
     pub seed: u64,
+    /// How many starts were searched from.
     pub starts: usize,
+    /// Coarsening: cells of the metric to one cell of the search, along each axis.
     pub grid: usize,
+    /// Largest number of evaluations for each start, where one was set.
     pub max_evaluations: Option<usize>,
+    /// Why the search ended.
     pub stop: super::optimizer::StopReason,
+    /// Evaluations of all searches and starts, without the polish.
     pub evaluations: usize,
+    /// Evaluations of the polish under the metric itself.
     pub polish_evaluations: usize,
+    /// Improvements of the search that won: evaluations so far, loss of the search.
     pub history: Vec<(usize, f64)>,
+    /// [`FIT_VERSION`] of the writer; `None` in the first files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit_version: Option<String>,
+    /// Name and version of the program that wrote the file.
     pub program: String,
+    /// The first version of vernis that reads this format.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readable_from: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -89,6 +113,7 @@ pub struct FitFile {
 /// What is at the place of a fit that an earlier run may have left.
 #[derive(Debug, Clone, PartialEq)]
 pub enum KeptFit {
+    /// A file that passed the reader's checks.
     Whole(Box<FitFile>),
     /// No file.
     Absent,

@@ -84,10 +84,12 @@ impl Space {
         Ok(Self { model: model.to_owned(), schema, axes, bounds })
     }
 
+    /// Identifier of the model.
     pub fn model(&self) -> &str {
         &self.model
     }
 
+    /// Names, units, bounds and starts of the model's parameters.
     pub fn schema(&self) -> &[Parameter] {
         &self.schema
     }

@@ -31,6 +31,7 @@ const EPSILON: f64 = 1e-3;
 pub struct Candidate {
     /// The parameter vector.
     pub parameters: Vec<f64>,
+    /// The loss at these parameters.
     pub value: f64,
 }
 

@@ -3,6 +3,7 @@
 /// How much of a stage is done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Progress {
+    /// How many units of work are done.
     pub done: usize,
     /// 0 where nobody knows.
     pub total: usize,

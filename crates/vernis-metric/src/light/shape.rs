@@ -69,6 +69,7 @@ impl Shape {
         self.cells.len()
     }
 
+    /// Whether the shape has no pixel.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }

@@ -224,7 +224,9 @@ impl Light {
 
 /// A light probe as its file has it.
 pub struct ProbePicture {
+    /// Pixels in a row.
     pub width: usize,
+    /// Number of rows.
     pub height: usize,
     /// Linear RGB, row by row from +y.
     pub pixels: Vec<Rgb>,

@@ -28,23 +28,30 @@ pub trait Scalar:
 {
     /// The number without its derivatives.
     fn value(self) -> f64;
+    /// e to the power `self`.
     fn exp(self) -> Self;
+    /// The natural logarithm.
     fn ln(self) -> Self;
+    /// The square root; `self` is not negative.
     fn sqrt(self) -> Self;
     /// The error function.
     fn erf(self) -> Self;
+    /// `self` to an integer power.
     fn powi(self, exponent: i32) -> Self;
     /// `self` to the power `exponent`; `self` is not negative.
     fn powf(self, exponent: Self) -> Self;
 
+    /// The absolute value.
     fn abs(self) -> Self {
         if self.value() < 0.0 { -self } else { self }
     }
 
+    /// The larger of two numbers; `self` where they are equal.
     fn max(self, other: Self) -> Self {
         if self.value() >= other.value() { self } else { other }
     }
 
+    /// The smaller of two numbers; `self` where they are equal.
     fn min(self, other: Self) -> Self {
         if self.value() <= other.value() { self } else { other }
     }
@@ -83,6 +90,7 @@ impl Scalar for f64 {
 /// A value and its derivatives with respect to N variables.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dual<const N: usize> {
+    /// The number without its derivatives.
     pub value: f64,
     /// One derivative a variable, in units of the value per unit of the variable.
     pub derivatives: [f64; N],

@@ -11,8 +11,11 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{what}: found {found}, expected {expected}")]
 pub struct LayerMismatch {
+    /// What has the size, in words.
     pub what: String,
+    /// The size that it has.
     pub found: usize,
+    /// The size that it must have.
     pub expected: usize,
 }
 
@@ -20,9 +23,13 @@ pub struct LayerMismatch {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dense {
+    /// Length of the input x.
     pub inputs: usize,
+    /// Length of the output W x + b.
     pub outputs: usize,
+    /// b, one number an output.
     pub bias: Vec<f64>,
+    /// W, `outputs * inputs` numbers, row by row.
     pub weights: Vec<f64>,
 }
 
@@ -42,12 +49,17 @@ impl Dense {
 /// What follows every layer but the last.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum Activation {
     /// max(x, slope x).
-    LeakyRelu { slope: f64 },
+    LeakyRelu {
+        /// Factor of negative x.
+        slope: f64,
+    },
 }
 
 impl Activation {
+    /// The activation of one number.
     pub fn apply(self, x: f64) -> f64 {
         match self {
             Activation::LeakyRelu { slope } => x.max(slope * x),

@@ -14,8 +14,11 @@ pub type Vertex = (Vec<f64>, f64);
 /// How far a step goes, as a part of the way from the worst point to the centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Factors {
+    /// t of an expansion.
     pub expansion: f64,
+    /// t of a contraction, on either side of the centre.
     pub contraction: f64,
+    /// s of a shrinkage: the part of the distance to the best point that is left.
     pub shrinkage: f64,
 }
 
@@ -76,9 +79,13 @@ impl Mean {
 /// Rules of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
+    /// How far a step goes.
     pub factors: Factors,
+    /// When the search has arrived.
     pub stop: Stop,
+    /// How the mean of the points is rounded.
     pub mean: Mean,
+    /// The search ends after this many steps, arrived or not.
     pub most_steps: usize,
 }
 

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 /// A 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
+    /// Lower end: the 2.5 % quantile.
     pub low: f64,
+    /// Upper end: the 97.5 % quantile.
     pub high: f64,
 }
 
@@ -19,6 +21,7 @@ impl Interval {
         Some(Self { low: quantile(&values, 0.025)?, high: quantile(&values, 0.975)? })
     }
 
+    /// Whether `value` lies inside, ends included.
     pub fn contains(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
     }

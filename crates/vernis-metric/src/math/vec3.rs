@@ -5,12 +5,16 @@ use std::ops::{Add, Mul, Neg, Sub};
 /// A vector in the local frame of a surface point: +z is the normal, the tangent plane is x, y.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Vec3 {
+    /// Along the first tangent.
     pub x: f64,
+    /// Along the second tangent.
     pub y: f64,
+    /// Along the normal.
     pub z: f64,
 }
 
 impl Vec3 {
+    /// The vector with these components.
     pub const fn new(x: f64, y: f64, z: f64) -> Self {
         Self { x, y, z }
     }
@@ -22,10 +26,12 @@ impl Vec3 {
         Self::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
     }
 
+    /// The scalar product.
     pub fn dot(self, other: Self) -> f64 {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
+    /// The vector product `self` x `other`.
     pub fn cross(self, other: Self) -> Self {
         Self::new(
             self.y * other.z - self.z * other.y,
@@ -34,6 +40,7 @@ impl Vec3 {
         )
     }
 
+    /// The Euclidean length.
     pub fn length(self) -> f64 {
         self.dot(self).sqrt()
     }

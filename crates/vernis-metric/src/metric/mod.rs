@@ -78,9 +78,11 @@ pub enum MetricError {
 pub struct Score {
     /// In points of mean opinion score (MOS) below that of identical BRDFs, 0 or more: 0 is identical, larger is worse.
     pub distance: f64,
-    /// Mean opinion score, 1 to 5, and its interval.
+    /// Mean opinion score, 1 to 5.
     pub mos: f64,
+    /// Lower end of the interval, 1 to 5.
     pub low: f64,
+    /// Upper end of the interval, 1 to 5.
     pub high: f64,
 }
 
@@ -114,6 +116,7 @@ pub trait Metric: Any + Send + Sync {
     /// studies, fits and reports carry it, so that numbers of two versions never mix. It stands beside the algorithm.
     fn version(&self) -> &str;
 
+    /// What a user must know of it: family, unit, symmetry, use as a loss.
     fn properties(&self) -> Properties;
 
     /// Pays for the fixed side once: a fit compares one reference with many candidates. What is prepared owns all it needs.

@@ -104,6 +104,7 @@ impl Registry {
 pub struct Distance {
     /// The metric's registry name.
     pub metric: String,
+    /// The distance, in the metric's unit.
     pub value: f64,
     /// The distance of each channel alone (R, G, B), where the metric has one.
     pub channels: Option<[f64; 3]>,

@@ -75,6 +75,7 @@ impl Share {
         Self { key, part: Box::new(part), prepare: Box::new(typed) }
     }
 
+    /// What tells shares that are prepared together.
     pub fn key(&self) -> &ShareKey {
         &self.key
     }

@@ -40,6 +40,7 @@ fn term(variant: LpVariant, theta_i: f64, theta_o: f64, reference: Rgb, candidat
             let lab = |rgb: Rgb| color::cielab(rgb.map(|x| root(PI * x)));
             colour(lab(reference), lab(candidate))
         }
+        other => panic!("no naive form of {other:?}"),
     }
 }
 

@@ -21,6 +21,7 @@ const END: &[u8] = b"PK\x05\x06";
 pub struct Member {
     /// Its name in the archive, with folders and extension.
     pub name: String,
+    /// Its content, unpacked.
     pub bytes: Vec<u8>,
 }
 

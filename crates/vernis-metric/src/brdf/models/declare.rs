@@ -106,8 +106,15 @@ macro_rules! model {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct $name<S = f64> {
-            $(pub $field: $crate::brdf::models::declare::$kind<S>,)+
-            $(pub $variant: $variants,)?
+            $(
+                #[doc = concat!("`", stringify!($field), "` of the model's formula.")]
+                #[doc = concat!("Unit: ", $unit, ". Bounds: ", stringify!($bounds), ".")]
+                pub $field: $crate::brdf::models::declare::$kind<S>,
+            )+
+            $(
+                /// Which variant of the model this is.
+                pub $variant: $variants,
+            )?
         }
 
         impl $name {

@@ -38,6 +38,7 @@ pub(super) const BECKMANN: &str = "dupuy-beckmann";
 
 /// The slopes of the facets.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum SlopeDistribution {
     /// The density at the 90 nodes.
     Tabulated(Vec<f64>),
@@ -111,6 +112,7 @@ impl Dupuy {
         Self::new(plain.slopes, fresnel)
     }
 
+    /// The distribution of the facets' slopes.
     pub fn slopes(&self) -> &SlopeDistribution {
         &self.slopes
     }

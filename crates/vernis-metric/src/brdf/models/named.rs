@@ -20,7 +20,10 @@ pub enum FieldError {
     /// The model has no such field.
     Unknown,
     /// The field has this many entries.
-    Entries { allowed: usize },
+    Entries {
+        /// Number of entries that the field has.
+        allowed: usize,
+    },
 }
 
 impl NamedParameters {
@@ -30,6 +33,7 @@ impl NamedParameters {
         Ok(Self { model: model.to_owned(), values: vec![None; schema.len()], schema })
     }
 
+    /// The identifier of the model, such as `ward`.
     pub fn model(&self) -> &str {
         &self.model
     }

@@ -20,8 +20,11 @@ use std::sync::Arc;
 
 /// Polynomials of one variable that are orthogonal on -1..1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Basis {
+    /// Chebyshev's polynomials of the first kind.
     Chebyshev,
+    /// Legendre's polynomials.
     Legendre,
 }
 

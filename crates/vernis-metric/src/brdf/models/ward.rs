@@ -18,6 +18,7 @@ use std::f64::consts::PI;
 
 /// What the lobe is divided by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WardForm {
     /// sqrt(cos theta_i cos theta_o), as published in 1992.
     Ward,

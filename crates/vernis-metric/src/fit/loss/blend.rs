@@ -11,7 +11,9 @@ use crate::metric::MetricError;
 
 /// (1 - t) s a + t b.
 pub struct Blend<'a> {
+    /// The loss at t = 0, apart from the factor s.
     pub a: &'a dyn Loss,
+    /// The loss at t = 1.
     pub b: &'a dyn Loss,
     /// s.
     pub scale: f64,

@@ -69,6 +69,7 @@ impl Lattice {
         self.samples.len()
     }
 
+    /// Whether no direction is evaluated.
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }

@@ -24,6 +24,7 @@ pub trait Loss: Send + Sync {
     /// What its values are, for messages.
     fn name(&self) -> &str;
 
+    /// The loss of `candidate`.
     fn value(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError>;
 
     /// The loss with its gradient, if it has one.

@@ -48,6 +48,7 @@ pub enum ManifoldError {
 
 /// How references become points and points tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Kind {
     /// Gaussian process latent variables, the study's.
     Latent,

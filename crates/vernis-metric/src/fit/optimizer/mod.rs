@@ -21,6 +21,7 @@ pub trait Objective: Sync {
     /// Smallest and largest value of each variable.
     fn bounds(&self) -> &[(f64, f64)];
 
+    /// The value at `x`; infinite where there is none.
     fn value(&self, x: &[f64]) -> Result<f64, FitError>;
 
     /// The value and its derivatives.
@@ -30,6 +31,7 @@ pub trait Objective: Sync {
 /// How a search proceeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// Pattern search, the study's method.
     HookeJeeves,
@@ -40,8 +42,10 @@ pub enum Method {
 }
 
 impl Method {
+    /// All methods.
     pub const ALL: [Self; 3] = [Self::HookeJeeves, Self::NelderMead, Self::Lbfgs];
 
+    /// The name that the command line and fit files use, such as `hooke-jeeves`.
     pub fn name(self) -> &'static str {
         match self {
             Self::HookeJeeves => "hooke-jeeves",
@@ -72,6 +76,7 @@ impl FromStr for Method {
 /// Why a search ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StopReason {
     /// Steps, simplex or projected gradient fell below the tolerance.
     Converged,
@@ -89,6 +94,7 @@ impl StopReason {
         self != Self::EvaluationLimit
     }
 
+    /// The name that fit files use, such as `evaluation-limit`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Converged => "converged",
@@ -102,6 +108,7 @@ impl StopReason {
 /// When a search begins and ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
+    /// The search ends when it has spent this many evaluations.
     pub max_evaluations: usize,
     /// First step, in units of the variables.
     pub step: f64,
@@ -114,6 +121,7 @@ pub struct Limits {
 pub struct Improvement {
     /// How many evaluations it took to get there.
     pub evaluations: usize,
+    /// The value of the objective there.
     pub value: f64,
 }
 
@@ -122,8 +130,11 @@ pub struct Improvement {
 pub struct Outcome {
     /// The best point seen.
     pub x: Vec<f64>,
+    /// The value of the objective at `x`.
     pub value: f64,
+    /// Why the search ended.
     pub stop: StopReason,
+    /// Evaluations that the search took.
     pub evaluations: usize,
     /// Every improvement, in order; the first is the start.
     pub history: Vec<Improvement>,

@@ -45,6 +45,7 @@ impl GraphGrid {
         self.theta_i * self.theta_o * self.phi_d
     }
 
+    /// Whether the grid has no cell.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }

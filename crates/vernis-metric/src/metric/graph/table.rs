@@ -43,6 +43,7 @@ impl CompactTable {
         Self { grid: *grid, values, masked, sampling: *sampling }
     }
 
+    /// The table in f64, with the rounded values.
     pub fn expand(&self) -> CosineTable {
         let values = [0, 1, 2].map(|c: usize| self.values[c].iter().map(|v| f64::from(*v)).collect());
         let valid = self.masked.clone().unwrap_or_else(|| vec![true; self.grid.len()]);
@@ -94,6 +95,7 @@ impl CosineTable {
         if table.valid.contains(&true) { Ok(table) } else { Err(MetricError::NoValidCell { side }) }
     }
 
+    /// The cells that the values belong to.
     pub fn grid(&self) -> GraphGrid {
         self.grid
     }

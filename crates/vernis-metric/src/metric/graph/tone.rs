@@ -7,6 +7,7 @@ use std::fmt;
 
 /// One of the study's curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Tone {
     /// t
     Linear,
@@ -17,7 +18,10 @@ pub enum Tone {
     /// t^(1/4)
     FourthRoot,
     /// ln(t + eta)
-    Log { eta: f64 },
+    Log {
+        /// Added to t before the logarithm, 1/sr, greater than 0.
+        eta: f64,
+    },
 }
 
 const ALLOWED: &str = "t, t^1/2, t^1/3, t^1/4, log:eta=E with E > 0";

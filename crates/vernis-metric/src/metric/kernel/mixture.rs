@@ -24,13 +24,20 @@ const SMALLEST: f64 = 1e-12;
 
 /// A kernel of the distance r between two points.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Kernel {
     /// -r, conditionally positive: the energy distance.
     Energy,
     /// exp(-r^2/(2 blur^2)).
-    Gaussian { blur: f64 },
+    Gaussian {
+        /// Standard deviation, in the unit of r.
+        blur: f64,
+    },
     /// exp(-r/blur).
-    Laplacian { blur: f64 },
+    Laplacian {
+        /// The distance at which the kernel has fallen to 1/e, in the unit of r.
+        blur: f64,
+    },
 }
 
 impl Kernel {

@@ -66,6 +66,7 @@ pub enum ExportedError {
 pub struct Descriptors {
     /// Version and options of what computes them, see [`SetupId`].
     pub setup: String,
+    /// Families and embeddings, in order.
     pub set: DescriptorSet,
 }
 
@@ -79,6 +80,7 @@ pub struct Descriptors {
 pub struct Interval {
     /// Share of ratings inside, 0 to 1.
     pub level: f64,
+    /// Half-width for each MOS of spread + offset.
     pub factor: f64,
     /// In MOS; keeps the interval honest where all members agree.
     pub offset: f64,
@@ -105,7 +107,9 @@ impl Interval {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DataHash {
+    /// Name of the file, as the study lists it.
     pub name: String,
+    /// SHA-256 of its content, 64 hexadecimal digits.
     pub sha256: String,
 }
 
@@ -117,8 +121,11 @@ pub struct Reached {
     pub measure: String,
     /// Such as `all` or `without the manifold samples`.
     pub rows: String,
+    /// The measured agreement.
     pub value: f64,
+    /// Lower end of its 95 % interval.
     pub low: f64,
+    /// Upper end of its 95 % interval.
     pub high: f64,
 }
 
@@ -126,15 +133,23 @@ pub struct Reached {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
+    /// Name of the study that it was trained on.
     pub study: String,
     /// Ratings came from simulated observers.
     pub synthetic: bool,
+    /// Rated pairs that it was trained on.
     pub rows: usize,
+    /// Reference materials among them.
     pub materials: usize,
+    /// The files of the study.
     pub data: Vec<DataHash>,
+    /// Seed of the training.
     pub seed: u64,
+    /// The command that trains it again.
     pub command: String,
+    /// Version of the package that wrote the file.
     pub crate_version: String,
+    /// Agreement with people for rows that were held out.
     pub agreement: Vec<Reached>,
 }
 
@@ -143,12 +158,19 @@ pub struct Provenance {
 #[serde(deny_unknown_fields)]
 pub struct ExportedMetric {
     format: u32,
+    /// Name of the metric, such as `vernis`.
     pub name: String,
+    /// Version of its numbers; quote it with any score.
     pub metric_version: String,
+    /// Which descriptors it takes.
     pub descriptors: Descriptors,
+    /// From descriptors to a mean opinion score.
     pub regressor: Regressor,
+    /// The terms of models trained on resampled materials, for the spread of a prediction.
     pub members: Vec<Vec<Term>>,
+    /// How wide the interval about a prediction is.
     pub interval: Interval,
+    /// Where the metric comes from.
     pub provenance: Provenance,
 }
 

@@ -39,6 +39,7 @@ impl From<LayerMismatch> for RegressorError {
 pub struct Input {
     /// Name of the descriptor.
     pub name: String,
+    /// Whether it compares the two BRDFs or describes the reference.
     pub role: Role,
 }
 
@@ -54,8 +55,9 @@ impl From<&Column> for Input {
 pub struct Feature {
     /// Position among the regressor's inputs.
     pub input: usize,
-    /// Mean and standard deviation of sign(x) |x|^power over the training rows.
+    /// Mean of sign(x) |x|^power over the training rows.
     pub mean: f64,
+    /// Standard deviation of sign(x) |x|^power over the training rows.
     pub scale: f64,
     /// How much the feature counts beside the others.
     pub gain: f64,
@@ -65,8 +67,11 @@ pub struct Feature {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Standardizer {
+    /// Largest magnitude of a feature before its gain, in standard deviations.
     pub limit: f64,
+    /// Exponent of |x|.
     pub power: f64,
+    /// The features of the term, in order.
     pub features: Vec<Feature>,
 }
 
@@ -126,6 +131,7 @@ impl Standardizer {
 /// How a kernel falls off with r = |a - b| / (length sqrt d), d the number of features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Radial {
     /// exp(-r).
     Exponential,
@@ -139,12 +145,16 @@ pub enum Radial {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kernel {
+    /// How the kernel falls off with distance.
     pub radial: Radial,
+    /// Length scale for each feature, in units of the standardised features.
     pub length: f64,
+    /// Factor of the linear part a.b / d.
     pub linear: f64,
 }
 
 impl Kernel {
+    /// k(a, b) for two points of the same dimension.
     pub fn value(&self, a: &[f64], b: &[f64]) -> f64 {
         let d = a.len() as f64;
         let squared: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
@@ -168,22 +178,41 @@ impl Kernel {
 /// The function g of a term, of standardised features.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum Function {
     /// g(z) = w . z.
-    Linear { weights: Vec<f64> },
+    Linear {
+        /// w, one weight a feature.
+        weights: Vec<f64>,
+    },
     /// g(z) = sum_m w_m (k(z, z_m) - k(z, z_m0)), z_m0 being landmark m with every difference at zero;
     /// `landmarks[m * d + i]`.
-    Kernel { kernel: Kernel, weights: Vec<f64>, landmarks: Vec<f64> },
+    Kernel {
+        /// k, the kernel between points and landmarks.
+        kernel: Kernel,
+        /// w_m, one weight a landmark.
+        weights: Vec<f64>,
+        /// Standardised features of the landmarks, landmark by landmark.
+        landmarks: Vec<f64>,
+    },
     /// The mean of multi-layer perceptrons with one output.
-    Network { activation: Activation, members: Vec<Vec<Dense>> },
+    Network {
+        /// Follows every layer but the last.
+        activation: Activation,
+        /// The layers of each perceptron.
+        members: Vec<Vec<Dense>>,
+    },
 }
 
 /// One learned function and its weight in the sum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Term {
+    /// Factor of the function in the sum.
     pub weight: f64,
+    /// From raw inputs to the features of the function.
     pub standardizer: Standardizer,
+    /// g, a function of the standardised features.
     pub function: Function,
 }
 
@@ -193,7 +222,9 @@ pub struct Term {
 pub struct Regressor {
     /// The score of identical BRDFs, 1 to 5.
     pub identity_mos: f64,
+    /// The descriptors that it takes, in order.
     pub inputs: Vec<Input>,
+    /// The learned functions that are summed.
     pub terms: Vec<Term>,
 }
 

@@ -16,10 +16,12 @@ pub struct LpMetric {
 }
 
 impl LpMetric {
+    /// The metric of one variant.
     pub fn new(variant: LpVariant) -> Self {
         Self { variant, name: variant.to_string() }
     }
 
+    /// Formula, clamping and cube root of this metric.
     pub fn variant(&self) -> LpVariant {
         self.variant
     }

@@ -5,16 +5,25 @@ use std::str::FromStr;
 
 /// What is summed over the cells; the formulas stand in the documentation of [`crate::metric::lp`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Formula {
+    /// `sqrt(mean d^2)`.
     D1,
+    /// `sqrt(mean (d cos theta_i)^2)`.
     D2,
+    /// `sqrt(mean cbrt((d cos theta_i)^2))`.
     D3,
+    /// `sqrt(mean d^2 cos theta_o sin theta_o)`.
     D4,
+    /// `mean abs(d)`.
     D5,
     /// The colour difference of the authors' program, which is not CIELAB.
     D6,
+    /// `mean cbrt((d c)^2)`.
     D7,
+    /// `mean abs(l)`.
     D8,
+    /// `sqrt(mean l^2)`.
     D9,
     /// CIELAB as the CIE defines it. Not one of the study's metrics.
     Lab,
@@ -54,6 +63,7 @@ impl Formula {
 /// One Lp metric: a formula, with or without clamping (`.Cl`) and cube root (`.CR`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct LpVariant {
+    /// What is summed over the cells.
     pub formula: Formula,
     /// Only polar angles below 80 degrees take part.
     pub clamped: bool,
@@ -65,6 +75,7 @@ impl LpVariant {
     /// Number of variants: [`LpVariant::every`] yields so many.
     pub const COUNT: usize = 4 * Formula::ALL.len();
 
+    /// The variant of `formula` with or without clamping and cube root.
     pub const fn new(formula: Formula, clamped: bool, cube_root: bool) -> Self {
         Self { formula, clamped, cube_root }
     }

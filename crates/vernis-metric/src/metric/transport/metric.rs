@@ -74,10 +74,12 @@ impl TransportMetric {
         Ok(metric)
     }
 
+    /// Ground cost, alpha, blur, scaling and accuracy.
     pub fn parameters(&self) -> &SinkhornParameters {
         &self.parameters
     }
 
+    /// The curve that compresses the values of the graph.
     pub fn tone(&self) -> Tone {
         self.tone
     }

@@ -122,22 +122,27 @@ impl SinkhornParameters {
         Ok(Self { accuracy, ..self })
     }
 
+    /// What it costs to move a unit of mass.
     pub fn cost(&self) -> GroundCost {
         self.cost
     }
 
+    /// Length of the base axes; the graph's base is a box of this edge.
     pub fn alpha(&self) -> f64 {
         self.alpha
     }
 
+    /// Length scale below which transport is smoothed, in units of the graph.
     pub fn blur(&self) -> f64 {
         self.blur
     }
 
+    /// Factor from one blur of the annealing to the next, between 0 and 1.
     pub fn scaling(&self) -> f64 {
         self.scaling
     }
 
+    /// How finely the quantised method resolves the graph.
     pub fn accuracy(&self) -> Accuracy {
         self.accuracy
     }
@@ -169,9 +174,15 @@ impl SinkhornParameters {
 
 /// The way in which a divergence is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// Masses on a product of base nodes and value nodes (multiples of `spacing`), and separable sums over it.
-    Quantised { spacing: f64, nodes: [usize; 3] },
+    Quantised {
+        /// Distance between value nodes, in units of the graph.
+        spacing: f64,
+        /// Base nodes along theta_i, theta_o and phi_d.
+        nodes: [usize; 3],
+    },
     /// Sums over all pairs of cells.
     Direct,
 }

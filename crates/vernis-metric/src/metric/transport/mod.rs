@@ -20,28 +20,19 @@
 //! multiscale variant, which clusters at random: its last digits belong to a seed.
 //!
 //! The cost p = 2 is separable, and alpha is about two blurs: a few base nodes and a fine value axis carry the masses
-//! (`measure.rs`), fewer of them while epsilon is large (`levels.rs`), and sums over all pairs become small products
-//! (`gaussian.rs`). Where that does not hold (p = 1, alpha
-//! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed (`direct.rs`), on grids of at most 13,500
+//! (`quantised/measure.rs`), fewer of them while epsilon is large (`quantised/levels.rs`), and sums over all pairs become small products
+//! (`quantised/gaussian.rs`). Where that does not hold (p = 1, alpha
+//! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed (`direct/mod.rs`), on grids of at most 13,500
 //! cells; finer grids are refused. So are all pairs of small grids, whatever the parameters.
 //!
 //! Cells that are invalid on either side are left out on both.
 
 mod annealing;
-mod band;
 mod direct;
-mod direct_gradient;
 mod elementary;
-mod gaussian;
-mod gradient;
-mod lattice;
-mod levels;
-mod measure;
 mod metric;
 mod parameters;
 mod quantised;
-mod splat;
-mod value_axis;
 
 pub use metric::TransportMetric;
 pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
@@ -50,8 +41,7 @@ use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use direct::Points;
 use elementary::{max, min};
-use lattice::Lattice;
-use levels::Levels;
+use quantised::{Lattice, Levels};
 use std::borrow::Cow;
 use thiserror::Error;
 
@@ -287,10 +277,10 @@ pub fn divergence_and_gradient(
     let valid = |cell| pair.candidate.is_valid(cell);
     match (&pair.reference.form, &pair.candidate.form) {
         (Form::Quantised(a), Form::Quantised(b)) => {
-            Ok(gradient::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
+            Ok(quantised::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
         }
         (Form::Direct(a), Form::Direct(b)) => {
-            let (value, of_points) = direct_gradient::divergence_and_gradient(parameters, annealing, a, b);
+            let (value, of_points) = direct::divergence_and_gradient(parameters, annealing, a, b);
             let mut of_points = of_points.into_iter();
             let of_cell = |cell| if valid(cell) { of_points.next().unwrap_or_default() } else { 0.0 };
             Ok((value, (0..values.len()).map(of_cell).collect()))

@@ -4,12 +4,12 @@
 //! comparison use the same, so that their errors all but cancel. Value nodes are multiples of h, whatever the other
 //! side is.
 
-use super::levels::Matrix;
+use super::matrix::Matrix;
 use crate::metric::graph::GraphGrid;
 
 /// The nodes that the measures of one comparison share.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Lattice {
+pub(in crate::metric::transport) struct Lattice {
     pub grid: GraphGrid,
     /// Base nodes along (theta_i, theta_o, phi_d).
     pub nodes: [usize; 3],
@@ -31,7 +31,7 @@ impl Lattice {
 
     /// Twice the distance of value nodes, and about half the base nodes, but not less than `fewest` of those that there are;
     /// and the shares of the nodes here that each node there gets, an axis each.
-    pub fn coarser(&self, fewest: usize) -> (Self, [Matrix; 3]) {
+    pub(super) fn coarser(&self, fewest: usize) -> (Self, [Matrix; 3]) {
         let nodes = self.nodes.map(|nodes| ((nodes - 1).div_ceil(2) + 1).max(nodes.min(fewest)));
         let hats = [0, 1, 2].map(|axis| hats(self.nodes[axis], nodes[axis]));
         let added = excess(&self.shares, &hats);

@@ -7,6 +7,10 @@
 //! Cost: N^2 exponentials, four times an epsilon: half a minute a channel for 15 x 15 x 60 cells. Targets are spread
 //! over threads in fixed chunks, each summed in order: the bytes do not depend on the number of threads.
 
+mod gradient;
+
+pub(super) use gradient::divergence_and_gradient;
+
 use super::annealing::Annealing;
 use super::elementary::{LANES, Lanes, exp, fma, max};
 use super::{GroundCost, SinkhornParameters};

@@ -1,6 +1,6 @@
 //! The value nodes of a source that matter to eight targets, and what each contributes: the innermost loops.
 
-use super::elementary::{LANES, Lanes, exp, fma, max};
+use super::super::elementary::{LANES, Lanes, exp, fma, max};
 use super::gaussian::Gaussian;
 use std::ops::Range;
 
@@ -204,9 +204,9 @@ impl Band {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lattice::Lattice;
     use super::*;
     use crate::metric::graph::GraphGrid;
-    use crate::metric::transport::lattice::Lattice;
 
     /// Two exponentials and products of them against eight exponentials, from the middle of a band to its end.
     #[test]

@@ -7,14 +7,12 @@
 //!
 //! Memory: 8 arrays of base nodes x value nodes x 8 bytes, about 2 MB for a metal at the default setting.
 
-use super::annealing::Annealing;
-use super::elementary::{LANES, Lanes};
+use super::super::annealing::Annealing;
+use super::super::elementary::LANES;
+use super::field::Field;
 use super::gaussian::{Gaussian, Nodes, Sink, Spread};
 use super::levels::Levels;
 use super::measure::Measure;
-
-/// A potential, or anything else with one number a node of a measure.
-pub(super) type Field = Vec<Lanes>;
 
 /// One update of the potentials, f <- keep f + (1 - keep) softmin_epsilon.
 #[derive(Debug, Clone, Copy)]
@@ -63,7 +61,7 @@ pub(super) fn updates(annealing: &Annealing, levels: usize, finest: Nodes) -> im
 }
 
 /// <a, f_ba - f_aa> + <b, g_ab - g_bb>.
-pub(super) fn divergence(alpha: f64, annealing: &Annealing, a: &Levels, b: &Levels) -> f64 {
+pub(in crate::metric::transport) fn divergence(alpha: f64, annealing: &Annealing, a: &Levels, b: &Levels) -> f64 {
     let levels = a.len().min(b.len());
     let alone = |measure| alone(alpha, annealing, measure, levels, Nodes::Support, |_| ());
     let both = || crossed(alpha, annealing, a, b, Nodes::Support, |_, _| ());
@@ -154,9 +152,9 @@ pub(super) fn crossed(
 
 #[cfg(test)]
 mod tests {
+    use super::super::lattice::Lattice;
     use super::*;
     use crate::metric::graph::GraphGrid;
-    use crate::metric::transport::lattice::Lattice;
     use crate::metric::transport::{GroundCost, SinkhornParameters};
 
     #[test]

@@ -14,7 +14,7 @@
 //! c: masses, or signed numbers (then M_q may vanish, and the node is silent). Instruction sets without fused
 //! multiplication round differently in the last digits; the number of threads changes nothing.
 
-use super::elementary::{LANES, Lanes, exp, fma, ln, max};
+use super::super::elementary::{LANES, Lanes, exp, fma, ln, max};
 use super::lattice::Lattice;
 use super::measure::{Measure, Support};
 use super::value_axis;

@@ -25,8 +25,8 @@
 //! Cost, for P base nodes, Q source and R target nodes: at most Q R (1/4 exponential + P multiplications), P being the base nodes
 //! with mass at a value where no others are asked for.
 
+use super::super::elementary::{LANES, LARGEST_ARGUMENT, Lanes, exp, fma, ln, max};
 use super::band::{Band, Sources};
-use super::elementary::{LANES, LARGEST_ARGUMENT, Lanes, exp, fma, ln, max};
 use super::gaussian::{Gaussian, Nodes, Sink, Spread};
 use super::measure::Measure;
 use std::f64::consts::PI;

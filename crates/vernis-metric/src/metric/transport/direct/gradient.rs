@@ -11,16 +11,16 @@
 //!
 //! Cost: 2 divergences. Memory: the potentials of every update, cells x 24 bytes an update.
 
-use super::annealing::Annealing;
-use super::direct::{CHUNK, Kernel, Points, Potentials};
-use super::elementary::{LANES, Lanes, exp, fma};
-use super::{GroundCost, SinkhornParameters};
+use super::super::annealing::Annealing;
+use super::super::elementary::{LANES, Lanes, exp, fma};
+use super::super::{GroundCost, SinkhornParameters};
+use super::{CHUNK, Kernel, Points, Potentials};
 use multiversion::multiversion;
 use multiversion::target::target_cfg_f;
 use rayon::prelude::*;
 
 /// The divergence of `a` and `b`, and its derivative with respect to the values of the points of `b`.
-pub(super) fn divergence_and_gradient(
+pub(in crate::metric::transport) fn divergence_and_gradient(
     parameters: &SinkhornParameters,
     annealing: &Annealing,
     a: &Points,

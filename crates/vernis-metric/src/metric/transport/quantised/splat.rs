@@ -3,7 +3,7 @@
 //! Cost: 8 additions a cell along phi_d, then one pass over the touched nodes for every pair of polar angles. Back: 32
 //! multiplications a cell.
 
-use super::elementary::{LANES, Lanes};
+use super::super::elementary::{LANES, Lanes};
 use super::lattice::Lattice;
 use super::measure::{MOST_MARKED, Measure};
 use std::ops::Range;

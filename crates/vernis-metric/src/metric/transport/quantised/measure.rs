@@ -16,8 +16,8 @@
 //! Masses and potentials lie entry by entry, all base nodes of one beside each other, as sums take them. Masses are made in rows
 //! of value nodes, a base node each.
 
-use super::TransportError;
-use super::elementary::{LANES, Lanes, max, min};
+use super::super::TransportError;
+use super::super::elementary::{LANES, Lanes, max, min};
 use super::lattice::Lattice;
 use super::splat::{Splat, index};
 

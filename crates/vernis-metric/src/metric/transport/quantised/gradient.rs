@@ -19,16 +19,17 @@
 //! Cost: 2.5 divergences. Memory: the potentials before and after every update, base nodes x value nodes x 48 bytes an
 //! update on level 0 (about 5 MB for a metal at the default setting).
 
-use super::annealing::Annealing;
-use super::elementary::{LANES, Lanes};
+use super::super::annealing::Annealing;
+use super::super::elementary::{LANES, Lanes};
+use super::field::Field;
 use super::gaussian::{Gaussian, Nodes, Sink, Spread};
+use super::iterations::{Update, alone, crossed, mean_difference, updates};
 use super::levels::Levels;
 use super::measure::{Measure, Support};
-use super::quantised::{Field, Update, alone, crossed, mean_difference, updates};
 use super::splat::pull_back;
 
 /// The divergence of `a` and `b`, and its derivative with respect to the values `cells` that `b` was made of.
-pub(super) fn divergence_and_gradient(
+pub(in crate::metric::transport) fn divergence_and_gradient(
     alpha: f64,
     annealing: &Annealing,
     a: &Levels,

@@ -18,13 +18,13 @@ use vernis_metric::metric::transport::Accuracy;
 Each combination that is done is a file under OUT/combinations; a sweep that was interrupted goes on with the next pair.
 Combinations that differ in scaling alone share what they can, and are done together.
 Options that choose take lists; without them all 992 combinations of transport and 32 of the energy distance are swept.
-gamma .25, .35 and .5 follow from the same divergences.
+gamma 0.25, 0.35 and 0.5 follow from the same divergences.
 
 Examples:
   vernis sweep --data ~/brdf-data --family energy
-  vernis sweep --data ~/brdf-data --family transport --p 2 --alpha .1 --blur .05,.1 --scaling .8
+  vernis sweep --data ~/brdf-data --family transport --p 2 --alpha 0.1 --blur 0.05,0.1 --scaling 0.8
   vernis sweep --data ~/brdf-data --p 2 --accuracy coarse
-  vernis sweep --study synthetic --grid 15x15x60 --family transport --p 2 --alpha .1 --phi t^1/4,log:eta=.01")]
+  vernis sweep --study synthetic --grid 15x15x60 --family transport --p 2 --alpha 0.1 --phi t^1/4,log:eta=0.01")]
 pub struct SweepArgs {
     /// A study by name (lavoue2021-open, lavoue2021, synthetic) or a CSV file.
     #[arg(long, default_value = "lavoue2021-open")]
@@ -35,7 +35,7 @@ pub struct SweepArgs {
     /// Cells that are compared, THETA_IxTHETA_OxPHI_D.
     #[arg(long, default_value = "45x45x180")]
     grid: String,
-    /// How finely transport is computed: coarse (errors up to 2 %), fast (4 % at worst, .1 % mostly), standard (1 %), high (.1 %).
+    /// How finely transport is computed: coarse (errors up to 2 %), fast (4 % at worst, 0.1 % mostly), standard (1 %), high (0.1 %).
     #[arg(long, default_value = "standard")]
     accuracy: String,
     /// Only report what is there already.
@@ -47,16 +47,16 @@ pub struct SweepArgs {
     /// Ground costs: 2 (squared distance), 1 (distance).
     #[arg(long, value_delimiter = ',')]
     p: Vec<f64>,
-    /// Weights of directions against values: .01, .05, .1, 1.
+    /// Weights of directions against values: 0.01, 0.05, 0.1, 1.
     #[arg(long, value_delimiter = ',')]
     alpha: Vec<f64>,
-    /// Regularisations (the paper's epsilon): .01, .02, .05, .1.
+    /// Regularisations (the paper's epsilon): 0.01, 0.02, 0.05, 0.1.
     #[arg(long, value_delimiter = ',')]
     blur: Vec<f64>,
-    /// Annealing factors (the paper's s): .8, .9, .95, .99.
+    /// Annealing factors (the paper's s): 0.8, 0.9, 0.95, 0.99.
     #[arg(long, value_delimiter = ',')]
     scaling: Vec<f64>,
-    /// Curves: t, t^1/2, t^1/3, t^1/4, log:eta=E with E = .001, .01, .1, 1; log for all four.
+    /// Curves: t, t^1/2, t^1/3, t^1/4, log:eta=E with E = 0.001, 0.01, 0.1, 1; log for all four.
     #[arg(long, value_delimiter = ',')]
     phi: Vec<String>,
     /// Folds by material of the nested choice.
@@ -126,7 +126,7 @@ fn chosen(args: &SweepArgs) -> Result<Vec<Combination>> {
     };
     let kept: Vec<Combination> = all.iter().copied().filter(keep).collect();
     if kept.is_empty() {
-        return Err(user_error("the options leave no combination; p 2 with alpha 1 and blur .01 is none of the 992"));
+        return Err(user_error("the options leave no combination; p 2 with alpha 1 and blur 0.01 is none of the 992"));
     }
     Ok(kept)
 }

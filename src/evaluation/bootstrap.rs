@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn holm_agrees_with_statsmodels() {
-        // statsmodels 0.15.0: multipletests([.01, .04, .03, .005, .6, .03], method="holm")[1]
+        // statsmodels 0.15.0: multipletests([0.01, 0.04, 0.03, 0.005, 0.6, 0.03], method="holm")[1]
         let expected = [0.05, 0.12, 0.12, 0.03, 0.6, 0.12];
         for (found, expected) in holm(&[0.01, 0.04, 0.03, 0.005, 0.6, 0.03]).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-15);

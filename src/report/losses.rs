@@ -50,7 +50,7 @@ fn introduction(record: &LossesRecord) -> String {
         "{} materials, one of each group of sisters, fitted with {} under {} losses, and each fit judged by {} metrics.\n\n\
          Read: per cent by which the judge's distance of the fits changes against the baseline, 200 (a - b)/(a + b), less is \
          better; for `mos` the change of the predicted mean opinion score, more is better. Means over materials [95 % interval, \
-         {} resamples of materials]. *better* and *worse*: p < .05 after Holm's correction for all fair comparisons of a table. \
+         {} resamples of materials]. *better* and *worse*: p < 0.05 after Holm's correction for all fair comparisons of a table. \
          (In parentheses: the judge is the loss or the baseline itself; it decides nothing.)\n",
         record.materials.len(),
         record.settings.models.join(", "),

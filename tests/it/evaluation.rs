@@ -118,7 +118,7 @@ fn a_model_that_memorises_gains_nothing_from_shuffled_ratings() {
     let shuffled = shuffled(&samples);
     let folds = grouped_folds(&shuffled, 5, 1).unwrap();
     let none = srocc(&shuffled, &cross_validate(&shuffled, &folds, &Nearest, 1).unwrap());
-    // 240 rows: a standard error of .065 under independence.
+    // 240 rows: a standard error of 0.065 under independence.
     assert!(none.abs() < 0.2, "{none}");
 }
 

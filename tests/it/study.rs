@@ -98,7 +98,7 @@ fn agreement_by_halves_by_variance_and_by_spread_is_the_same() {
     // The part of the variance of the means that the truth explains.
     let truth = pearson(&mos, &SESSIONS.quality).unwrap().powi(2);
     assert!(truth < two.average.interval.high && truth > 0.9 * two.average.value, "{truth} {two:?}");
-    // One observer: noise .65^2, bias .3^2 and rounding 1/12 leave the rest of the variance of the grades to the pairs.
+    // One observer: noise 0.65^2, bias 0.3^2 and rounding 1/12 leave the rest of the variance of the grades to the pairs.
     let variance = mean(&SESSIONS.quality.iter().map(|q| (q - mean(&SESSIONS.quality)).powi(2)).collect::<Vec<_>>());
     let single = variance / (variance + 0.4225 + 0.09 + 1.0 / 12.0);
     assert!((two.single.value - single).abs() < 0.06, "{single} {two:?}");
@@ -209,9 +209,9 @@ fn published_means_give_what_scipy_and_statsmodels_give() {
     let record = describe(&opinions, &Options::default()).unwrap();
     let (types, table) = (record.material_types.unwrap(), record.anova_two_way.unwrap());
     let interaction = table.term(&["material type", "method"]).unwrap();
-    // Section 5.3 of the paper: types differ, and the interaction is significant with p < .001.
+    // Section 5.3 of the paper: types differ, and the interaction is significant with p < 0.001.
     assert!(types.mos.difference > 0.0 && types.mos.p < 0.05 && interaction.p < 1e-3);
-    // Sections 5.2: split halves .964 (SD .001) and ICC .981, which the noise model has to come near to.
+    // Sections 5.2: split halves 0.964 (SD 0.001) and ICC 0.981, which the noise model has to come near to.
     let reliability = record.expected_reliability.unwrap();
     assert!((reliability.split_half_pearson - 0.964).abs() < 0.008, "{reliability:?}");
     assert!((reliability.signal - 0.981).abs() < 0.004, "{reliability:?}");

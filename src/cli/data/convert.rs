@@ -10,7 +10,7 @@ use vernis_metric::brdf::{ConversionLoss, Grid, TabulatedBrdf, on_grid};
 
 /// The figures are those of the test `the_losses_that_the_help_states`.
 const LOSSES: &str = "\
-Values are interpolated between samples. What that loses, for GGX of roughness .2: the median and the 99th percentile of
+Values are interpolated between samples. What that loses, for GGX of roughness 0.2: the median and the 99th percentile of
 the relative difference |a - b| / max(a, b) to the first table after the way there and back:
 
   .binary  -> .titopo  -> .binary     0.00059 and 0.0525

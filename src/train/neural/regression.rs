@@ -39,7 +39,7 @@ pub struct NeuralNetwork {
     pub members: usize,
     pub epochs: usize,
     /// Stop where the inner folds say so, at the latest after `epochs`. Off by default: with this schedule the held-out
-    /// error is flat near the end, and choosing costs twice the time and up to .01 of correlation.
+    /// error is flat near the end, and choosing costs twice the time and up to 0.01 of correlation.
     pub choose_epochs: bool,
     pub batch: usize,
     /// Learning rate at the start of the cosine.

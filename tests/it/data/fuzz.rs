@@ -172,7 +172,7 @@ fn fits_and_models() {
     }
 }
 
-/// A network as Keras stores it, all weights .01.
+/// A network as Keras stores it, all weights 0.01.
 fn network() -> Vec<u8> {
     let mut file = hdf5_pure::FileBuilder::new();
     for (layer, rows, columns) in [("dense_1", 6, 21), ("dense_2", 21, 21), ("dense_3", 21, 3)] {

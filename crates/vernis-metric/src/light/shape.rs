@@ -1,7 +1,7 @@
 //! The shape in the pictures: normals seen by a distant viewer, and how much of the picture each covers.
 //!
-//! The unit sphere seen orthographically from +z on a 32 x 32 grid, x, y = (i + .5) / 16 - 1, pixels with
-//! x^2 + y^2 < .975 (788 of them), each the mean of 2 x 2 sub-samples with r^2 clipped to .985. A sphere shows every visible
+//! The unit sphere seen orthographically from +z on a 32 x 32 grid, x, y = (i + 0.5) / 16 - 1, pixels with
+//! x^2 + y^2 < 0.975 (788 of them), each the mean of 2 x 2 sub-samples with r^2 clipped to 0.985. A sphere shows every visible
 //! normal once; another shape under a distant light shows the same pixels with other frequencies, so that a mesh enters as
 //! one weight a pixel: the projected area, as seen by the viewer, of its faces whose normal falls there.
 

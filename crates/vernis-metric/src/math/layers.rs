@@ -104,7 +104,7 @@ mod tests {
     fn two_layers_by_hand() {
         let layers = [layer(2, &[1.0, 2.0, -1.0, 0.5], &[0.5, 0.0]), layer(2, &[2.0, 10.0], &[1.0])];
         assert_eq!(check_layers(&layers, 2), Ok(1));
-        // 1 + 2 + .5 = 3.5; -1 + .5 = -.5, which leaks to -.05.
+        // 1 + 2 + 0.5 = 3.5; -1 + 0.5 = -0.5, which leaks to -0.05.
         assert_eq!(forward(&layers, LEAKY, &[1.0, 1.0]), [1.0 + 7.0 - 0.5]);
         assert_eq!(forward(&[], LEAKY, &[-3.0]), [-3.0]);
     }

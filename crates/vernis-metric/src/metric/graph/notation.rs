@@ -1,4 +1,4 @@
-//! Members of a family of metrics by their options: `energy[phi=log:eta=.01,alpha=.05]`.
+//! Members of a family of metrics by their options: `energy[phi=log:eta=0.01,alpha=0.05]`.
 
 use super::{GraphGrid, Tone};
 use crate::io::{did_you_mean, nearest};
@@ -62,7 +62,7 @@ impl<'a> Options<'a> {
         }
     }
 
-    /// phi and eta: `phi=t^1/4`, `phi=log:eta=.01`, or `phi=log,eta=.01`.
+    /// phi and eta: `phi=t^1/4`, `phi=log:eta=0.01`, or `phi=log,eta=0.01`.
     pub fn tone(&mut self) -> Result<Option<Tone>, MetricError> {
         let eta = self.number("eta", |eta| eta > 0.0 && eta.is_finite(), "a number above 0")?;
         match (self.take("phi"), eta) {
@@ -74,7 +74,7 @@ impl<'a> Options<'a> {
 
     /// The power of the sum of the channels.
     pub fn gamma(&mut self) -> Result<Option<f64>, MetricError> {
-        self.number("gamma", |gamma| gamma > 0.0 && gamma <= 4.0, "above 0, to 4 (the study's are .25, .35, .5)")
+        self.number("gamma", |gamma| gamma > 0.0 && gamma <= 4.0, "above 0, to 4 (the study's are 0.25, 0.35, 0.5)")
     }
 
     /// The cells that are compared.

@@ -88,7 +88,7 @@ impl Tone {
         let tone = match (name, inner.or(eta)) {
             ("log", Some(eta)) => return Self::log(eta),
             ("log", None) => {
-                return wrong("log without eta".into(), "log:eta=E with E > 0, the study's are .001, .01, .1, 1");
+                return wrong("log without eta".into(), "log:eta=E with E > 0, the study's are 0.001, 0.01, 0.1, 1");
             }
             ("t" | "linear", _) => Self::Linear,
             ("t^1/2" | "sqrt", _) => Self::Sqrt,

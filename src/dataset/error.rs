@@ -7,6 +7,8 @@ use vernis_metric::io::{did_you_mean, shown};
 
 /// Errors of this room: each names what is wrong, where, what was found and what is allowed, in one line.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum DatasetError {
     #[error("unknown study `{name}`; {}; known: {known}; or give the path of a .csv file", did_you_mean(nearest))]
     UnknownStudy { name: String, known: String, nearest: Vec<String> },

@@ -24,6 +24,8 @@ use vernis_metric::math::resampling::ResamplingError;
 
 /// Why agreement with people could not be measured.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum EvaluationError {
     #[error("{what}: found {found}, expected {expected}")]
     Lengths { what: &'static str, found: usize, expected: usize },

@@ -6,6 +6,8 @@ use vernis_metric::math::resampling::ResamplingError;
 
 /// Errors of this room.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum StudyError {
     #[error("{what}: found {found}, allowed: at least {least}")]
     TooFew { what: &'static str, found: usize, least: usize },

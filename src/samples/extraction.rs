@@ -24,6 +24,7 @@ use vernis_metric::metric::{Metric, MetricError};
 /// Why a study could not be turned into numbers.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExtractionError {
     #[error(transparent)]
     Descriptor(#[from] DescriptorError),

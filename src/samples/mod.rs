@@ -19,7 +19,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use vernis_metric::descriptor::Column;
 
+/// Why a table of samples cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum SamplesError {
     #[error("{what}: found {found}, expected {expected}")]
     Shape { what: &'static str, found: usize, expected: usize },

@@ -11,7 +11,10 @@ use vernis_metric::descriptor::Column;
 use vernis_metric::math::resampling::places;
 use vernis_metric::math::seed;
 
+/// Why a study could not be split into folds.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum SplitError {
     #[error("{folds} folds need at least {folds} groups of materials, but the study has {groups}")]
     TooFewGroups { folds: usize, groups: usize },

@@ -25,7 +25,10 @@ const DIMENSION: usize = 8;
 /// The logarithms that embeddings are learned from.
 const SPACE: LogSpace = LogSpace::Opponent;
 
+/// Why the embeddings of the folds could not be learned.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum EmbeddingError {
     #[error(transparent)]
     Descriptor(#[from] DescriptorError),

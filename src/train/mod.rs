@@ -38,7 +38,10 @@ pub const IDENTITY_MOS: f64 = 4.5;
 /// Inner folds for every choice that a trainer makes.
 pub const INNER_FOLDS: usize = 5;
 
+/// Why a trainer could not make a model.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum TrainError {
     #[error("{trainer}: training needs at least {needed} rows, found {found}")]
     TooFewRows { trainer: String, found: usize, needed: usize },

@@ -12,6 +12,8 @@ const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, ARCHIVE.zip:MAT
 
 /// Why a BRDF could not be read, written or made. Each message is one line that names place, finding and remedy.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum BrdfError {
     /// The operating system refused.
     #[error("{}: {cause}", path.display())]

@@ -38,6 +38,7 @@ use thiserror::Error;
 /// What keeps a descriptor from being computed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum DescriptorError {
     #[error(transparent)]
     Light(#[from] LightError),

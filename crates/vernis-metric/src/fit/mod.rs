@@ -30,6 +30,8 @@ use thiserror::Error;
 
 /// What keeps a model from being fitted.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum FitError {
     #[error(transparent)]
     Metric(#[from] MetricError),

@@ -18,6 +18,7 @@ use thiserror::Error;
 /// Why there is no light, shape or picture.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum LightError {
     #[error(
         "the BRDF is {value:?} at theta_h {theta_h:.2}, theta_d {theta_d:.2}, phi_d {phi_d:.0} deg; allowed: finite numbers"

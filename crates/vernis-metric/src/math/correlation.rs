@@ -17,6 +17,8 @@ use thiserror::Error;
 
 /// Why two lists have no correlation.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum CorrelationError {
     #[error("the lists differ in length: {x} and {y} values")]
     Lengths { x: usize, y: usize },

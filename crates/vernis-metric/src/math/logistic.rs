@@ -22,7 +22,10 @@ const EDGES: [f64; 2] = [0.5, 0.5];
 const SEARCH: Settings =
     Settings { factors: Factors::CLASSIC, stop: Stop::Spread(1e-12), mean: Mean::Running, most_steps: 120 };
 
+/// Why no logistic curve could be fitted.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum LogisticError {
     #[error("a logistic fit needs as many y as x: found {y} and {x}")]
     Lengths { x: usize, y: usize },

@@ -18,6 +18,8 @@ pub const MIN_RESAMPLES: usize = 40;
 
 /// Why nothing can be drawn.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ResamplingError {
     #[error("{what}: found {found}, allowed: at least {least}")]
     TooFew { what: &'static str, found: usize, least: usize },

@@ -44,6 +44,7 @@ pub struct Properties {
 /// Why there is no distance.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum MetricError {
     #[error("{side}: {reason}")]
     Unusable { side: &'static str, reason: String },

@@ -69,6 +69,7 @@ pub struct Parameter {
 /// What is wrong with the parameters of a model.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ModelError {
     #[error("{model}: {parameter} is {found}, allowed is {} to {}", allowed.0, allowed.1)]
     OutOfBounds { model: String, parameter: String, found: f64, allowed: (f64, f64) },

@@ -31,6 +31,8 @@ const EPSILON: f64 = 1e-3;
 
 /// What is wrong with the references of a manifold.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ManifoldError {
     #[error("{found} references; a manifold needs at least 2 that differ")]
     TooFew { found: usize },

@@ -35,6 +35,7 @@ const DIGITS: usize = 7;
 /// Why there is no exported metric.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExportedError {
     #[error("{file}, line {line}, column {column}: not an exported metric: {reason}")]
     Json { file: String, line: usize, column: usize, reason: String },

@@ -15,7 +15,10 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// Why a regressor cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum RegressorError {
     #[error("{what}: found {found}, expected {expected}")]
     Shape { what: String, found: usize, expected: usize },

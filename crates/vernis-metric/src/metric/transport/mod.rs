@@ -65,6 +65,8 @@ pub const FAMILY: &str = "transport";
 
 /// Why there is no divergence.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum TransportError {
     #[error("{name}: {found} is not {allowed}")]
     Parameter { name: &'static str, found: f64, allowed: &'static str },

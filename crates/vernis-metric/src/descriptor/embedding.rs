@@ -74,9 +74,9 @@ impl Embedding {
         let size = |what: String, found: usize, expected: usize| {
             if found == expected { Ok(()) } else { Err(wrong(LayerMismatch { what, found, expected })) }
         };
-        size("length of the mean".into(), parts.mean.len(), INPUTS)?;
+        size("numbers in the mean".into(), parts.mean.len(), INPUTS)?;
         for (k, component) in parts.components.iter().enumerate() {
-            size(format!("length of component {k}"), component.len(), INPUTS)?;
+            size(format!("numbers in component {k}"), component.len(), INPUTS)?;
         }
         let width = check_layers(&parts.layers, parts.components.len()).map_err(wrong)?;
         if width == 0 {

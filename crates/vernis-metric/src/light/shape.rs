@@ -58,7 +58,7 @@ impl Shape {
         // Normals between the disc and the silhouette have no pixel and are left out.
         let total: f64 = shape.cells.iter().map(|&cell| area[cell]).sum();
         if !(total > 0.0 && total.is_finite()) {
-            return Err(malformed(format!("visible area {total}; allowed: finite and greater than 0")));
+            return Err(malformed(format!("its visible area is {total}; it must be finite and greater than 0")));
         }
         shape.weights = shape.cells.iter().map(|&cell| area[cell] / total).collect();
         Ok(shape)
@@ -105,7 +105,7 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
     let mut element = "";
     let mut properties = Vec::new();
     if lines.next().map(|(_, l)| l.trim()) != Some("ply") {
-        return Err("line 1: expected `ply`".into());
+        return Err("line 1 must be `ply`".into());
     }
     loop {
         let (number, line) = lines.next().ok_or("the header has no `end_header`")?;
@@ -113,11 +113,13 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
         let count = |s: &str| s.parse().map_err(|_| format!("line {}: `{s}` is not a count", number + 1));
         match words[..] {
             ["format", "ascii", _] | ["comment", ..] | ["obj_info", ..] | [] => {}
-            ["format", other, ..] => return Err(format!("format `{other}`; allowed: ascii")),
+            ["format", other, ..] => return Err(format!("its format is `{other}`; it must be ascii")),
             ["element", "vertex", n] => (element, vertices) = ("vertex", count(n)?),
             ["element", "face", n] => (element, faces) = ("face", count(n)?),
             ["element", ..] if faces > 0 => element = "",
-            ["element", name, ..] => return Err(format!("element `{name}` before the faces; allowed: vertex, face")),
+            ["element", name, ..] => {
+                return Err(format!("element `{name}` comes before the faces; only vertex and face may"));
+            }
             ["property", _, name] if element == "vertex" => properties.push(name),
             ["property", ..] => {}
             ["end_header"] => break,
@@ -129,7 +131,7 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
     let mut row = |what: &str| {
         let (number, line) = lines.next().ok_or(format!("the file ends before its last {what}"))?;
         let values: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
-        values.map(|v| (number + 1, v)).map_err(|_| format!("line {}: a {what} of numbers expected", number + 1))
+        values.map(|v| (number + 1, v)).map_err(|_| format!("line {}: a {what} must consist of numbers", number + 1))
     };
     let mut points = Vec::new();
     for _ in 0..vertices {

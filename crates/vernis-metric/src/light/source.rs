@@ -150,7 +150,7 @@ impl Light {
         let light = Self::reduced(width, height, |x, y| pixels[y * width + x]);
         let mean = light.mean_luminance();
         if !(mean.is_finite() && mean > 0.0) {
-            return Err(unreadable(format!("its mean luminance is {mean}; allowed: finite and greater than 0")));
+            return Err(unreadable(format!("its mean luminance is {mean}; it must be finite and greater than 0")));
         }
         Ok(light.scaled_to(MEAN_LUMINANCE))
     }
@@ -239,7 +239,7 @@ impl ProbePicture {
             .map_err(|e| unreadable(e.to_string()))?;
         let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
         if width < COLUMNS || height < ROWS {
-            return Err(unreadable(format!("{width}x{height} pixels; allowed: at least {COLUMNS}x{ROWS}")));
+            return Err(unreadable(format!("it has {width}x{height} pixels; it must have at least {COLUMNS}x{ROWS}")));
         }
         let pixels = decoder.read_image_hdr().map_err(|e| unreadable(e.to_string()))?;
         Ok(Self { width, height, pixels: pixels.into_iter().map(|p| p.0.map(f64::from)).collect() })

@@ -53,12 +53,18 @@ impl TransportMetric {
             Some(1.0) => GroundCost::Distance,
             _ => GroundCost::SquaredDistance,
         };
-        let alpha =
-            options.number("alpha", above, "a number above 0 (the study's: 0.01, 0.05, 0.1, 1)")?.unwrap_or(BEST.0);
-        let blur =
-            options.number("blur", above, "a number above 0 (the study's: 0.01, 0.02, 0.05, 0.1)")?.unwrap_or(BEST.1);
+        let alpha = options
+            .number("alpha", above, "a number greater than 0 (the study uses 0.01, 0.05, 0.1, 1)")?
+            .unwrap_or(BEST.0);
+        let blur = options
+            .number("blur", above, "a number greater than 0 (the study uses 0.01, 0.02, 0.05, 0.1)")?
+            .unwrap_or(BEST.1);
         let scaling = options
-            .number("scaling", |s| s > 0.0 && s < 1.0, "above 0, below 1 (the study's: 0.8, 0.9, 0.95, 0.99)")?
+            .number(
+                "scaling",
+                |s| s > 0.0 && s < 1.0,
+                "greater than 0 and less than 1 (the study uses 0.8, 0.9, 0.95, 0.99)",
+            )?
             .unwrap_or(BEST.2);
         let parameter = |cause: TransportError| wrong(name, &cause);
         let parameters = SinkhornParameters::new(cost, alpha, blur, scaling).map_err(parameter)?;
@@ -146,7 +152,7 @@ fn accuracy(name: &str, options: &mut Options<'_>, alpha: f64, blur: f64) -> Res
     let mut accuracy = Accuracy::named(level, alpha, blur).ok_or_else(|| MetricError::Parameter {
         what: format!("{name}: accuracy"),
         found: level.to_owned(),
-        allowed: Accuracy::NAMES.join(", "),
+        allowed: format!("one of {}", Accuracy::NAMES.join(", ")),
     })?;
     let integer = |range: std::ops::RangeInclusive<f64>| move |x: f64| x.fract() == 0.0 && range.contains(&x);
     if let Some(kappa) = options.number("kappa", integer(1.0..=256.0), "an integer from 1 to 256")? {

@@ -196,6 +196,6 @@ mod tests {
     fn one_group_cannot_be_resampled() {
         let (ratings, _) = clustered(1, 5, &mut seed::stream(1, "test", 0));
         let error = draw(&ratings, 100, 0).unwrap_err().to_string();
-        assert_eq!(error, "groups of materials in a bootstrap: found 1, allowed: at least 2");
+        assert_eq!(error, "the number of groups of materials in a bootstrap is 1; it must be at least 2");
     }
 }

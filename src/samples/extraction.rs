@@ -34,7 +34,7 @@ pub enum ExtractionError {
     Distance { reference: String, candidate: String, source: Box<MetricError> },
     #[error(transparent)]
     Samples(#[from] SamplesError),
-    #[error("{found} numbers were computed, expected {expected}")]
+    #[error("{found} numbers were computed; there must be {expected}")]
     Incomplete { found: usize, expected: usize },
 }
 

@@ -18,7 +18,7 @@ use vernis_metric::math::seed;
 pub enum SplitError {
     #[error("{folds} folds need at least {folds} groups of materials, but the study has {groups}")]
     TooFewGroups { folds: usize, groups: usize },
-    #[error("a cross-validation needs at least 2 folds, found {folds}")]
+    #[error("the number of folds is {folds}; it must be at least 2")]
     TooFewFolds { folds: usize },
     #[error("the {side} side of the split is empty ({what})")]
     EmptySide { side: &'static str, what: String },

@@ -34,7 +34,7 @@ pub struct CompareArgs {
     /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
     #[arg(long)]
     json: bool,
-    /// The distance of each channel alone as well, for metrics that have one.
+    /// Also print the distance of each channel, for metrics that have one.
     #[arg(long)]
     per_channel: bool,
 }

@@ -173,7 +173,7 @@ fn folds_that_miss_a_row_are_refused() {
     let error = cross_validate_distance(&samples, &folds[1..], "good").unwrap_err();
     assert!(matches!(error, EvaluationError::Coverage { times: 0, .. }), "{error}");
     let error = cross_validate_distance(&samples, &folds, "missing").unwrap_err();
-    assert_eq!(error.to_string(), "no column is called missing among the 2 of the samples");
+    assert_eq!(error.to_string(), "there is no column missing among the 2 columns of the samples");
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn judged_metrics_differ_as_they_should() {
         }
     }
     let error = jury.differences(&metrics, &[("good", "bad")], &figures).unwrap_err().to_string();
-    assert_eq!(error, "no metric is called bad; judged are good, poor");
+    assert_eq!(error, "there is no metric bad; the judged metrics are good, poor");
 
     let ablation = jury.ablation("only poor", 1, &metrics[0], &metrics[1].judged);
     assert!(ablation.srocc_change.unwrap().interval.high < 0.0);

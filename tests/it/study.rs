@@ -178,7 +178,7 @@ fn what_a_study_lacks_is_named() {
     let record = describe(&StudyOpinions { scores: Scores::Means(means), ..opinions }, &Options::default()).unwrap();
     assert_eq!(record.spread, Spread::NoiseModel { a: 0.2, raters: 30 });
     for what in ["rater screening", "split-half", "intra-class", "SOS", "standard deviations by material type"] {
-        assert!(why(&record, what).starts_with("only mean scores are at hand"), "{what}: {:?}", record.missing);
+        assert!(why(&record, what).starts_with("only mean scores are given"), "{what}: {:?}", record.missing);
     }
     assert!(record.boxes.iter().all(|set| set.boxes.iter().all(|b| b.interval_width.is_none())));
     // The noise model expects what the panel shows.
@@ -310,15 +310,15 @@ fn wrong_input_is_told_in_one_line() {
     write("data/lavoue2021/MaterialType.csv", "BRDF;Type\nteflon;Dielectric\n");
     for (args, expected) in [
         (&["--ratings", "none.csv"][..], "none.csv"),
-        (&["--ratings", "score.csv"], "score.csv: line 2: score is `7`; allowed: 1 (very poor) to 5 (excellent)"),
-        (&["--ratings", "one.csv"], "one.csv: all scores are of one participant, a; allowed: at least 2"),
-        (&["--ratings", "fast.csv"], "fast: screening rejects all but 0 of 2 participants; allowed: at least 2 left"),
-        (&["--ratings", "good.csv", "--reject", "none,gold"], "--reject: found none,gold, allowed: none alone"),
+        (&["--ratings", "score.csv"], "score.csv, line 2: score is `7`; it must be 1 (very poor) to 5 (excellent)"),
+        (&["--ratings", "one.csv"], "one.csv: all scores are of one participant, a; there must be at least 2"),
+        (&["--ratings", "fast.csv"], "fast: screening rejects all but 0 of 2 participants; it must leave at least 2"),
+        (&["--ratings", "good.csv", "--reject", "none,gold"], "--reject is none,gold; it must be none alone"),
         (&["--ratings", "good.csv", "--out", "file/x"], "file/x: cannot write there"),
         (&["--study", "lavoue2022"], "unknown study `lavoue2022`"),
         (&["--study", "lavoue2021"], "needs a data folder"),
         // Ratings that are there and wrong are not replaced by simulated ones.
-        (&["--data", "data"], "PerceptualDistances.csv: line 2: DISTANCE is `2`"),
+        (&["--data", "data"], "PerceptualDistances.csv, line 2: DISTANCE is `2`"),
     ] {
         let output = run(dir.path(), args);
         let error = String::from_utf8(output.stderr).unwrap();

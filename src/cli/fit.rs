@@ -26,7 +26,8 @@ Examples:
 pub struct FitArgs {
     /// The BRDF to fit, as `vernis compare --help` describes.
     reference: String,
-    /// A model, or a sum of models such as ggx+ward. dupuy, dupuy-ggx and dupuy-beckmann are computed from the reference without a search.
+    /// A model, or a sum of models such as ggx+ward. dupuy, dupuy-ggx and dupuy-beckmann are computed from the
+    /// reference without a search.
     #[arg(long, short)]
     model: String,
     /// The loss: a metric by name, or the path of an exported metric.

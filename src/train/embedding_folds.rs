@@ -38,7 +38,7 @@ pub enum EmbeddingError {
     Samples(#[from] SamplesError),
     #[error(transparent)]
     Split(#[from] SplitError),
-    #[error("embedding {name}: {found} columns for {expected} rows")]
+    #[error("embedding {name}: {found} columns do not fit {expected} rows")]
     Shape { name: &'static str, found: usize, expected: usize },
 }
 

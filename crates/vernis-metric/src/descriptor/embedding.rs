@@ -74,9 +74,9 @@ impl Embedding {
         let size = |what: String, found: usize, expected: usize| {
             if found == expected { Ok(()) } else { Err(wrong(LayerMismatch { what, found, expected })) }
         };
-        size("numbers in the mean".into(), parts.mean.len(), INPUTS)?;
+        size("values in the mean".into(), parts.mean.len(), INPUTS)?;
         for (k, component) in parts.components.iter().enumerate() {
-            size(format!("numbers in component {k}"), component.len(), INPUTS)?;
+            size(format!("values in component {k}"), component.len(), INPUTS)?;
         }
         let width = check_layers(&parts.layers, parts.components.len()).map_err(wrong)?;
         if width == 0 {
@@ -84,7 +84,7 @@ impl Embedding {
         }
         let stored = parts.mean.iter().chain(parts.components.iter().flatten()).filter(|v| !v.is_finite()).count();
         let numbers = parts.layers.iter().flat_map(Dense::numbers).chain([parts.slope]);
-        size("numbers that are not finite".into(), stored + numbers.filter(|v| !v.is_finite()).count(), 0)?;
+        size("values that are not finite".into(), stored + numbers.filter(|v| !v.is_finite()).count(), 0)?;
         Ok(Self(parts))
     }
 

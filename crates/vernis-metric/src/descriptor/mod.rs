@@ -52,7 +52,7 @@ pub enum DescriptorError {
     MissingFile { what: String, option: &'static str },
     #[error("{}: the {kind} is {found}; it must be {wanted} (the first digits of its SHA-256)", path.display())]
     OtherFile { path: PathBuf, kind: &'static str, found: String, wanted: String },
-    #[error("descriptor family `{name}` is unknown; known: {known}")]
+    #[error("descriptor family `{name}` is unknown; the families are {known}")]
     UnknownFamily { name: String, known: String },
     #[error("embedding `{name}`: the number of {what} is {found}; it must be {expected}")]
     Embedding { name: String, what: String, found: usize, expected: usize },

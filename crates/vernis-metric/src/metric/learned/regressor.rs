@@ -308,7 +308,7 @@ impl Function {
             Function::Kernel { kernel, weights, landmarks } => {
                 positive("the kernel's length", kernel.length)?;
                 finite("the kernel's linear part", &[kernel.linear])?;
-                shape("numbers in the landmarks", landmarks.len(), weights.len() * features)?;
+                shape("values in the landmarks", landmarks.len(), weights.len() * features)?;
                 finite("a kernel weight", weights)?;
                 finite("a landmark", landmarks)
             }

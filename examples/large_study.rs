@@ -33,7 +33,9 @@ fn main() -> Result<()> {
         ["write", folder, materials, candidates] => write(Path::new(folder), materials.parse()?, candidates.parse()?),
         ["read", folder] => read(Path::new(folder)),
         ["extract", folder] => extract(Path::new(folder)),
-        _ => bail!("found {arguments:?}, allowed: write DIR MATERIALS CANDIDATES, read DIR, extract DIR"),
+        _ => bail!(
+            "the arguments are {arguments:?}; they must be write DIR MATERIALS CANDIDATES, read DIR, or extract DIR"
+        ),
     }
 }
 

@@ -21,7 +21,7 @@ Examples:
   vernis compare alum-bronze.binary ward.json
   vernis compare merl_nbrdf.zip:teflon 'low_lowmicrofacet_E2.fit:teflon?eta=2.5' --metric vernis --metric D9.Cl
   vernis compare a.binary b.binary --metric all-lp --json
-  vernis compare a.binary b.binary --metric ot --metric 'energy[phi=log:eta=.01,alpha=.05]' --per-channel
+  vernis compare a.binary b.binary --metric ot --metric 'energy[phi=log:eta=0.01,alpha=0.05]' --per-channel
   vernis compare a.json b.json --metric ot --grid 9x9x36 --per-channel --json
   vernis compare a.binary b.binary --metric out/synthetic/vernis-synthetic.vernis.json")]
 pub struct CompareArgs {
@@ -34,7 +34,7 @@ pub struct CompareArgs {
     /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
     #[arg(long)]
     json: bool,
-    /// The distance of each channel alone as well, for metrics that have one.
+    /// Also print the distance of each channel, for metrics that have one.
     #[arg(long)]
     per_channel: bool,
 }

@@ -25,12 +25,12 @@ enum Question {
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
 #[derive(Args)]
 #[command(after_help = "\
-Each metric that was trained is a file under OUT/metrics, each fit one under OUT/fits; an experiment that was interrupted goes on
-with the next one. With two cores 30 materials take about an hour.
+Each trained metric becomes a file in OUT/metrics, each fit a file in OUT/fits; an interrupted experiment continues with the
+next one. On two cores, 30 materials take about an hour.
 
 Examples:
   vernis experiment losses --data ~/brdf-data --out out/losses
-  vernis experiment losses --data ~/brdf-data --out out/losses --report   # of the materials that are finished")]
+  vernis experiment losses --data ~/brdf-data --out out/losses --report   # the materials finished so far")]
 pub struct LossesArgs {
     /// A study by name, or a CSV file: its references are fitted, its ratings train the learned metrics.
     #[arg(long, default_value = "lavoue2021-open")]
@@ -38,28 +38,28 @@ pub struct LossesArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
-    /// How many references, one of each group of sisters.
+    /// Number of references to fit, one of each group of sister materials.
     #[arg(long, value_name = "N", default_value_t = 30)]
     materials: usize,
-    /// Cells of an Lp metric to a cell of its search, along each axis.
+    /// Cells of an Lp metric per cell of its search, along each axis.
     #[arg(long, value_name = "N", default_value_t = 5)]
     grid: usize,
-    /// Cells that transport and the energy distance compare, THETA_IxTHETA_OxPHI_D.
+    /// Grid on which transport and the energy distance compare, THETA_IxTHETA_OxPHI_D.
     #[arg(long, value_name = "CELLS", default_value = "12x12x48")]
     graph_grid: String,
-    /// Evaluations of a search under a learned metric.
+    /// Maximum number of evaluations of a search under a learned metric.
     #[arg(long, value_name = "N", default_value_t = 400)]
     max_evaluations: usize,
-    /// Folds by material for the learned metrics.
+    /// Cross-validation folds, by material, for the learned metrics.
     #[arg(long, value_name = "N", default_value_t = 5)]
     folds: usize,
     /// Bootstrap resamples of materials.
     #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
     resamples: usize,
-    /// Of the order of materials, folds, training and resamples.
+    /// Seed of the order of materials, folds, training and resamples.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Fit nothing: report the materials that are finished.
+    /// Report the materials finished so far, without fitting.
     #[arg(long)]
     report: bool,
 }
@@ -75,7 +75,7 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
         [("materials", args.materials, 2), ("folds", args.folds, 2), ("max-evaluations", args.max_evaluations, 10)]
     {
         if found < least {
-            return Err(user_error(format!("--{flag}: found {found}, allowed {least} or more")));
+            return Err(user_error(format!("--{flag} is {found}; it must be {least} or more")));
         }
     }
     Ok(LossesOptions {

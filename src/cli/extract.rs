@@ -16,8 +16,8 @@ use vernis_metric::descriptor::Setup;
 /// Compute all descriptors and distances of a study, or of a shard of it, into a Parquet file.
 #[derive(Args)]
 #[command(after_help = "\
-Reads every BRDF once, one reference and one candidate at a time in each worker thread. What is done is in the cache: an
-interrupted run goes on where it was. `vernis merge` joins shards, `vernis train --extracted` takes the whole.
+Reads every BRDF once; each worker thread holds one reference and one candidate at a time. The cache keeps finished work:
+an interrupted run continues where it stopped. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
 
 Examples:
   vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole
@@ -27,10 +27,10 @@ Examples:
 pub struct ExtractArgs {
     #[command(flatten)]
     input: StudyInput,
-    /// Every COUNT-th reference with its candidates, beginning with the NUMBER-th, for work shared between machines.
+    /// Only every COUNT-th reference with its candidates, from the NUMBER-th on, to share the work between machines.
     #[arg(long, value_name = "NUMBER/COUNT", default_value = "1/1")]
     shard: Shard,
-    /// Folder for the file, which is called STUDY.parquet or STUDY-NUMBER-of-COUNT.parquet [default: out/STUDY].
+    /// Folder for the file STUDY.parquet or STUDY-NUMBER-of-COUNT.parquet [default: out/STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -38,7 +38,7 @@ pub struct ExtractArgs {
 /// Join the Parquet files of all shards of a study.
 #[derive(Args)]
 #[command(after_help = "\
-Checks that every shard is there once and that all belong to one study and one version of vernis.
+Checks that each shard is given once and that all belong to one study and one version of vernis.
 
 Examples:
   vernis merge shards/*.parquet --out lavoue2021.parquet")]
@@ -46,7 +46,7 @@ pub struct MergeArgs {
     /// The files of `vernis extract --shard`, in any order.
     #[arg(required = true, value_name = "PARQUET")]
     files: Vec<PathBuf>,
-    /// Parquet file to write: the same bytes as `vernis extract` without --shard gives.
+    /// Parquet file to write: the same bytes that `vernis extract` writes without --shard.
     #[arg(long, value_name = "PARQUET")]
     out: PathBuf,
 }

@@ -26,7 +26,8 @@ Examples:
 pub struct FitArgs {
     /// The BRDF to fit, as `vernis compare --help` describes.
     reference: String,
-    /// A model, or a sum of models such as ggx+ward. dupuy, dupuy-ggx and dupuy-beckmann are read off the reference.
+    /// A model, or a sum of models such as ggx+ward. dupuy, dupuy-ggx and dupuy-beckmann are computed from the
+    /// reference without a search.
     #[arg(long, short)]
     model: String,
     /// The loss: a metric by name, or the path of an exported metric.
@@ -34,29 +35,29 @@ pub struct FitArgs {
     metric: String,
     #[command(flatten)]
     view: View,
-    /// staged, log (a fit under D9.Cl first, then a learned metric by degrees), log-at-once (without the degrees), or a file of
+    /// staged, log (fits under D9.Cl, then moves gradually to a learned metric), log-at-once (moves at once), or a file of
     /// parameters [default: log for learned metrics, else staged].
     #[arg(long, value_name = "staged|log|log-at-once|FILE.json")]
     start: Option<String>,
     /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients.
     #[arg(long, value_name = "NAME", default_value = "hooke-jeeves")]
     optimizer: String,
-    /// Cells of the metric to a cell of the search, along each axis; 1 searches on the metric's own cells.
+    /// Cells of the metric per cell of the search, along each axis; 1 searches on the metric's own cells.
     #[arg(long, value_name = "N", default_value_t = 3)]
     grid: usize,
-    /// How many starts to search from.
+    /// Number of starts to search from.
     #[arg(long, value_name = "K", default_value_t = 1)]
     starts: usize,
-    /// Of the random starts.
+    /// Seed of the random starts.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// For each start [default: 5000 for Lp metrics, 400 for others].
+    /// Maximum number of evaluations for each start [default: 5000 for Lp metrics, 400 for others].
     #[arg(long, value_name = "N")]
     max_evaluations: Option<usize>,
     /// The file to write.
     #[arg(long, short, value_name = "JSON")]
     out: PathBuf,
-    /// Print the content of the file.
+    /// Print the content of the file instead of a summary.
     #[arg(long)]
     json: bool,
 }
@@ -99,7 +100,7 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
     print(if args.json { text } else { summary(&file, &args.out) })?;
     if fitted.stop == StopReason::EvaluationLimit {
         return Err(NotConverged(format!(
-            "{}: {} evaluations did not suffice; the best result so far was written; allowed: a higher --max-evaluations",
+            "{}: {} evaluations did not suffice; the best result so far was written; raise --max-evaluations",
             args.model, fitted.evaluations
         ))
         .into());
@@ -124,13 +125,13 @@ fn start(text: &str, model: &str) -> Result<Start> {
             let parameters = model_json::read(Path::new(path)).map_err(user_error)?;
             if parameters.model() != model {
                 let found = parameters.model();
-                return Err(user_error(format!("--start {path}: found a {found}, allowed: parameters of {model}")));
+                return Err(user_error(format!("--start {path} is a {found}; it must hold parameters of {model}")));
             }
             let built = parameters.build().map_err(|e| user_error(format!("--start {path}: {e}")))?;
             Ok(Start::Parameters(built.parameters()))
         }
         other => Err(user_error(format!(
-            "--start: found {other}, allowed: staged, log, log-at-once, or a .json file of parameters"
+            "--start is {other}; it must be staged, log, log-at-once, or a .json file of parameters"
         ))),
     }
 }
@@ -139,7 +140,7 @@ fn start(text: &str, model: &str) -> Result<Start> {
 fn output(path: &Path) -> Result<(OutputFolder, String)> {
     let name = path.file_name().and_then(|n| n.to_str()).filter(|n| n.ends_with(".json") && !path.is_dir());
     let name =
-        name.ok_or_else(|| user_error(format!("--out {}: allowed: the name of a .json file", path.display())))?;
+        name.ok_or_else(|| user_error(format!("--out is {}; it must be the name of a .json file", path.display())))?;
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
 }

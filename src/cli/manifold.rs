@@ -21,9 +21,9 @@ use vernis_metric::metric::registry::distances;
 /// Make the six approximations of a reference that lie on a manifold through many references.
 #[derive(Args)]
 #[command(after_help = "\
-Writes MATERIAL.manifold.1 to 6, ever further from the reference, and their distances as MATERIAL.manifold.csv; says whether the
-distances grow. Memory: 18 MB a reference for .titopoh and 70 MB for .titopo or .binary. Ratings of the study belong to its own
-samples (GPLVM_APPROX.1 to 6), which another manifold gave: these carry none.
+Writes MATERIAL.manifold.1 to 6, each further from the reference, and their distances as MATERIAL.manifold.csv; says whether
+the distances grow. Memory: 18 MB per reference for .titopoh and 70 MB for .titopo or .binary. The study's ratings belong to its
+own samples (GPLVM_APPROX.1 to 6), which come from another manifold: these samples have no ratings.
 
 Examples:
   vernis manifold --study lavoue2021-open --material teflon --data DIR --out samples
@@ -32,7 +32,7 @@ pub struct ManifoldArgs {
     /// A study by name, or a CSV file, whose references span the manifold.
     #[arg(long, value_name = "NAME|CSV", required_unless_present = "reference", conflicts_with = "reference")]
     study: Option<String>,
-    /// A BRDF that spans the manifold, as `vernis compare --help` describes; to be given several times.
+    /// A BRDF that spans the manifold, as `vernis compare --help` describes; give several.
     #[arg(long, value_name = "BRDF")]
     reference: Vec<String>,
     /// The reference to approximate: a material of the study, or one of the references.
@@ -44,10 +44,10 @@ pub struct ManifoldArgs {
     /// Dimensions of the manifold [default: 4 latent variables, or all principal components].
     #[arg(long, value_name = "N", value_parser = dimensions)]
     dimension: Option<usize>,
-    /// Of the direction in which the samples leave the reference.
+    /// Seed of the direction in which the samples leave the reference.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Tables to write.
+    /// Kind of table to write.
     #[arg(long, value_enum, default_value = "titopoh")]
     format: Format,
     /// A metric whose distances are reported; may be given several times.
@@ -59,7 +59,7 @@ pub struct ManifoldArgs {
 }
 
 fn dimensions(text: &str) -> Result<usize, String> {
-    let allowed = "allowed: an integer of at least 1";
+    let allowed = "it must be an integer of at least 1";
     text.parse().ok().filter(|n| *n > 0).ok_or_else(|| allowed.to_owned())
 }
 
@@ -131,7 +131,7 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     let sources = references(shared, &args)?;
     let Some(index) = sources.keys().position(|name| *name == args.material) else {
         let known = sources.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-        return Err(user_error(format!("--material: found {}, allowed: {known}", args.material)));
+        return Err(user_error(format!("--material is {}; it must be one of {known}", args.material)));
     };
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     let bar = Bar::new();

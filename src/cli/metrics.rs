@@ -36,9 +36,9 @@ pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
         let p = metric.properties();
         text += &format!("{:width$}  version {}: {} [{}]\n", metric.name(), metric.version(), p.summary, p.unit);
     }
-    text += "\nOther members of the metrics on graphs: ot[p=2,alpha=.1,blur=.05,scaling=.8,phi=t^1/4,gamma=.25,grid=45x45x180],\n";
-    text += "energy[phi=t^1/3,alpha=.1,gamma=.25], mmd-gaussian[blur=.05,...], mmd-laplacian[...]; phi is t, t^1/2, t^1/3, t^1/4\n";
-    text += "or log:eta=E. What is not given is as in the plain name.\n";
+    text += "\nOther members of the metrics on graphs: ot[p=2,alpha=0.1,blur=0.05,scaling=0.8,phi=t^1/4,gamma=0.25,grid=45x45x180],\n";
+    text += "energy[phi=t^1/3,alpha=0.1,gamma=0.25], mmd-gaussian[blur=0.05,...], mmd-laplacian[...]; phi is t, t^1/2, t^1/3, t^1/4\n";
+    text += "or log:eta=E. Options that are not given are those of the plain name.\n";
     text += "\n`all-lp` stands for the 36 Lp metrics of Lavoué et al. 2021. 0 is identical, larger is worse.\n";
     print(text)
 }

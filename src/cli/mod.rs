@@ -48,13 +48,13 @@ struct Cli {
 /// Options of every subcommand.
 #[derive(Args, Clone)]
 pub struct Shared {
-    /// Folder with the real inputs (ratings, measured and fitted BRDFs).
+    /// Folder with the input data (ratings, measured and fitted BRDFs).
     #[arg(long, global = true, env = "VERNIS_DATA", value_name = "DIR", value_parser = folder())]
     data: Option<PathBuf>,
-    /// Folder for descriptors that were computed before [default: $XDG_CACHE_HOME/vernis or ~/.cache/vernis].
+    /// Cache folder for computed descriptors [default: $XDG_CACHE_HOME/vernis or ~/.cache/vernis].
     #[arg(long, global = true, env = "VERNIS_CACHE", value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
-    /// Number of worker threads [default: one a core]. Never changes a result.
+    /// Number of worker threads [default: one per core]. Does not change results.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
 }
@@ -88,9 +88,9 @@ enum Command {
     Fit(fit::FitArgs),
     /// Rebuild the candidates of a study from its references.
     Refit(refit::RefitArgs),
-    /// Make approximations of a reference that lie on a manifold through many.
+    /// Make approximations of a reference that lie on a manifold through many references.
     Manifold(manifold::ManifoldArgs),
-    /// Questions that take hours to answer, and their reports.
+    /// Experiments that take hours, and their reports.
     #[cfg(feature = "train")]
     Experiment(experiment::ExperimentArgs),
     /// List the metrics.
@@ -101,7 +101,7 @@ enum Command {
     Study(study::StudyArgs),
     /// One page of a study: its ratings, its materials, and how metrics agree with them.
     Report(report::ReportArgs),
-    /// Studies and the files they need.
+    /// Studies and the files that they need.
     Data(data::DataArgs),
 }
 
@@ -156,7 +156,7 @@ pub fn run() -> ExitCode {
 fn dispatch(cli: Cli) -> Result<()> {
     if let Some(n) = cli.shared.threads {
         if !(1..=MOST_THREADS).contains(&n) {
-            return Err(user_error(format!("--threads: found {n}, allowed 1 to {MOST_THREADS}")));
+            return Err(user_error(format!("--threads is {n}; it must be 1 to {MOST_THREADS}")));
         }
         rayon::ThreadPoolBuilder::new().num_threads(n).build_global()?;
     }

@@ -15,8 +15,8 @@ use vernis_metric::fit::optimizer::StopReason;
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]
 #[command(after_help = "\
-Writes one model file a fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Fits whose file is there and has the
-same settings are not made again. Ratings belong to the published fits: a refitted candidate carries none.
+Writes one model file per fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Skips fits whose file exists and
+has the same settings. The ratings belong to the published fits: a refitted candidate has none.
 
 Examples:
   vernis refit --study lavoue2021-open --data DIR --out refits
@@ -28,12 +28,12 @@ pub struct RefitArgs {
     /// A method of the study; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     method: Vec<String>,
-    /// The loss of the fits that have one.
+    /// The loss, for fits that minimise one.
     #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
     metric: String,
     #[command(flatten)]
     view: View,
-    /// Cells of the metric to a cell of the search, along each axis.
+    /// Cells of the metric per cell of the search, along each axis.
     #[arg(long, value_name = "N", default_value_t = 3)]
     grid: usize,
     /// Folder to write to.
@@ -69,7 +69,7 @@ fn methods(names: &[String]) -> Result<Vec<(&'static str, &'static str)>> {
         METHODS
             .into_iter()
             .find(|(known, _)| known.eq_ignore_ascii_case(name))
-            .ok_or_else(|| user_error(format!("--method: found {name}, allowed: {}", known())))
+            .ok_or_else(|| user_error(format!("--method is {name}; it must be one of {}", known())))
     };
     names.iter().map(find).collect()
 }

@@ -19,9 +19,9 @@ const PROBES: [(&str, &str); 2] =
 /// One page of a study: statistics and figures of its ratings, pictures of its materials, and how metrics agree with them.
 #[derive(Args)]
 #[command(after_help = "\
-Writes report.html, which needs no network, and the numbers and figures behind it. How metrics agree comes from an earlier
-`vernis train` or `vernis benchmark`; name its folder with --benchmark. What the data at hand do not allow is left out, with
-a sentence that says why.
+Writes report.html, which needs no network, and its numbers and figures. How well metrics agree with the ratings comes from
+an earlier `vernis train` or `vernis benchmark`; name its folder with --benchmark. Sections without data are omitted, with
+the reason.
 
 Examples:
   vernis report --study synthetic
@@ -93,7 +93,7 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
 fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
     let path = if path.is_dir() { path.join("benchmark.json") } else { path.to_owned() };
     let wrong = |reason: String| {
-        user_error(format!("{}: {reason}; allowed: the benchmark.json of a train or a benchmark", path.display()))
+        user_error(format!("{}: {reason}; it must be the benchmark.json of a train or a benchmark", path.display()))
     };
     let bytes = std::fs::read(&path).map_err(|e| wrong(e.to_string()))?;
     serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))

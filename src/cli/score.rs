@@ -15,8 +15,8 @@ use vernis_metric::metric::registry::{Distance, distances};
 #[derive(Args)]
 #[command(after_help = "\
 PAIRS.csv has a header with at least the columns `reference` and `candidate`, each a BRDF as `vernis compare --help`
-describes. The output has the same rows in order, one more column a metric, and `mos`, `mos_low`, `mos_high` for a learned
-one (followed by `:NAME` for every learned metric after the first, and where PAIRS.csv has a `mos` of its own).
+describes. The output has the same rows in the same order, one more column per metric, and `mos`, `mos_low`, `mos_high` for
+a learned metric (with `:NAME` appended for each learned metric after the first, and if PAIRS.csv has its own `mos`).
 
 Examples:
   vernis score pairs.csv --metric vernis --metric D9.Cl --out scores.csv
@@ -49,7 +49,9 @@ impl Pairs {
         let column = |name: &str| {
             header.iter().position(|h| h == name).ok_or_else(|| {
                 let found = header.iter().collect::<Vec<_>>().join(", ");
-                user_error(format!("{file}, line 1: no column `{name}`; found: {found}; needed: reference, candidate"))
+                user_error(format!(
+                    "{file}, line 1: no column `{name}`; the columns are {found}; reference and candidate are needed"
+                ))
             })
         };
         let (reference, candidate) = (column("reference")?, column("candidate")?);
@@ -59,17 +61,19 @@ impl Pairs {
             let line = line_of(&bytes, &record);
             if record.len() != header.len() {
                 let (found, needed) = (record.len(), header.len());
-                return Err(user_error(format!("{file}, line {line}: {found} fields, the header has {needed}")));
+                return Err(user_error(format!(
+                    "{file}, line {line}: the row has {found} fields; it must have {needed}, as the header has"
+                )));
             }
             for (column, name) in [(reference, "reference"), (candidate, "candidate")] {
                 if record.get(column).is_none_or(str::is_empty) {
-                    return Err(user_error(format!("{file}, line {line}: `{name}` is empty; a BRDF is needed")));
+                    return Err(user_error(format!("{file}, line {line}: `{name}` is empty; it must be a BRDF")));
                 }
             }
             rows.push((line, record));
         }
         if rows.is_empty() {
-            return Err(user_error(format!("{file}: no pair after the header; at least one is needed")));
+            return Err(user_error(format!("{file}: there is no pair after the header; there must be at least one")));
         }
         Ok(Self { header, rows, reference, candidate })
     }

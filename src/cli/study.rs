@@ -16,7 +16,7 @@ const HUMAN_STUDY: &str = "lavoue2021";
 /// Statistics of a study's ratings: means, agreement, material types, illuminations, screening.
 #[derive(Args)]
 #[command(after_help = "\
-Only ratings are read, no BRDF. --ratings takes raw ratings, one row a judgement: a CSV file with the columns
+Reads only ratings, no BRDF. --ratings takes raw ratings, one row per judgement: a CSV file with the columns
   participant, material, method (REFERENCE for a hidden reference), score (1 to 5)
 and optionally
   illumination, seconds, gold (the expected score of a control question), group, material_type
@@ -109,7 +109,10 @@ fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
 
 fn rejecting(names: &[String]) -> Result<Vec<Criterion>> {
     if names.iter().any(|n| n == "none") && names.len() > 1 {
-        return Err(user_error(format!("--reject: found {}, allowed: none alone, or checks", names.join(","))));
+        return Err(user_error(format!(
+            "--reject is {}; it must be none alone, or checks without none",
+            names.join(",")
+        )));
     }
     let known = [("gold", Criterion::Gold), ("time", Criterion::Time), ("outlier", Criterion::Outlier)];
     Ok(known.into_iter().filter(|(name, _)| names.iter().any(|n| n == name)).map(|(_, c)| c).collect())

@@ -15,16 +15,16 @@ use vernis_metric::metric::transport::Accuracy;
 /// Sweep the parameters of the transport and energy distances over a study.
 #[derive(Args)]
 #[command(after_help = "\
-Each combination that is done is a file under OUT/combinations; a sweep that was interrupted goes on with the next pair.
-Combinations that differ in scaling alone share what they can, and are done together.
-Options that choose take lists; without them all 992 combinations of transport and 32 of the energy distance are swept.
-gamma .25, .35 and .5 follow from the same divergences.
+Each finished combination is a file in OUT/combinations; an interrupted sweep continues with the next pair.
+Combinations that differ only in scaling share work and are computed together.
+Options that select combinations take lists; without them the sweep covers all 992 of transport and 32 of the energy distance.
+The results for gamma 0.25, 0.35 and 0.5 follow from the same divergences.
 
 Examples:
   vernis sweep --data ~/brdf-data --family energy
-  vernis sweep --data ~/brdf-data --family transport --p 2 --alpha .1 --blur .05,.1 --scaling .8
+  vernis sweep --data ~/brdf-data --family transport --p 2 --alpha 0.1 --blur 0.05,0.1 --scaling 0.8
   vernis sweep --data ~/brdf-data --p 2 --accuracy coarse
-  vernis sweep --study synthetic --grid 15x15x60 --family transport --p 2 --alpha .1 --phi t^1/4,log:eta=.01")]
+  vernis sweep --study synthetic --grid 15x15x60 --family transport --p 2 --alpha 0.1 --phi t^1/4,log:eta=0.01")]
 pub struct SweepArgs {
     /// A study by name (lavoue2021-open, lavoue2021, synthetic) or a CSV file.
     #[arg(long, default_value = "lavoue2021-open")]
@@ -32,13 +32,13 @@ pub struct SweepArgs {
     /// Folder for results [default: out/sweep-STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Cells that are compared, THETA_IxTHETA_OxPHI_D.
+    /// Grid on which graphs are compared, THETA_IxTHETA_OxPHI_D.
     #[arg(long, default_value = "45x45x180")]
     grid: String,
-    /// How finely transport is computed: coarse (errors up to 2 %), fast (4 % at worst, .1 % mostly), standard (1 %), high (.1 %).
+    /// Accuracy of transport: coarse (errors up to 2 %), fast (4 % at worst, mostly 0.1 %), standard (1 %), high (0.1 %).
     #[arg(long, default_value = "standard")]
     accuracy: String,
-    /// Only report what is there already.
+    /// Report the results so far, without computing more.
     #[arg(long)]
     report: bool,
     /// Which distances [default: both].
@@ -47,19 +47,19 @@ pub struct SweepArgs {
     /// Ground costs: 2 (squared distance), 1 (distance).
     #[arg(long, value_delimiter = ',')]
     p: Vec<f64>,
-    /// Weights of directions against values: .01, .05, .1, 1.
+    /// Weights of directions against values: 0.01, 0.05, 0.1, 1.
     #[arg(long, value_delimiter = ',')]
     alpha: Vec<f64>,
-    /// Regularisations (the paper's epsilon): .01, .02, .05, .1.
+    /// Regularisations (the paper's epsilon): 0.01, 0.02, 0.05, 0.1.
     #[arg(long, value_delimiter = ',')]
     blur: Vec<f64>,
-    /// Annealing factors (the paper's s): .8, .9, .95, .99.
+    /// Annealing factors (the paper's s): 0.8, 0.9, 0.95, 0.99.
     #[arg(long, value_delimiter = ',')]
     scaling: Vec<f64>,
-    /// Curves: t, t^1/2, t^1/3, t^1/4, log:eta=E with E = .001, .01, .1, 1; log for all four.
+    /// Curves: t, t^1/2, t^1/3, t^1/4, log:eta=E with E = 0.001, 0.01, 0.1, 1; log for all four.
     #[arg(long, value_delimiter = ',')]
     phi: Vec<String>,
-    /// Folds by material of the nested choice.
+    /// Cross-validation folds, by material, of the nested choice.
     #[arg(long, default_value_t = 10)]
     folds: usize,
     /// Bootstrap resamples of materials.
@@ -68,7 +68,7 @@ pub struct SweepArgs {
     /// Seed of splits and resamples.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Memory for tables, in GiB; tables beyond it are made again for every combination.
+    /// Memory for tables, in GiB; tables beyond it are recomputed for every combination.
     #[arg(long, default_value_t = 4.0)]
     memory: f64,
     /// Print the record as JSON instead of tables.
@@ -100,7 +100,7 @@ fn chosen(args: &SweepArgs) -> Result<Vec<Combination>> {
                 known.sort_by(f64::total_cmp);
                 known.dedup();
                 let known = known.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
-                Err(user_error(format!("--{what}: found {x}, allowed: {known}")))
+                Err(user_error(format!("--{what} is {x}; it must be one of {known}")))
             }
         }
     };
@@ -110,7 +110,7 @@ fn chosen(args: &SweepArgs) -> Result<Vec<Combination>> {
     studied("scaling", &args.scaling, &|c| c.transport.map(|t| t.scaling))?;
     if let Some(tone) = tones.iter().find(|tone| !Tone::STUDY.contains(tone)) {
         let known = Tone::STUDY.map(|tone| tone.to_string()).join(", ");
-        return Err(user_error(format!("--phi: found {tone}, allowed: {known}")));
+        return Err(user_error(format!("--phi is {tone}; it must be one of {known}")));
     }
     let listed = |list: &[f64], x: f64| list.is_empty() || list.contains(&x);
     let keep = |c: &Combination| {
@@ -126,7 +126,9 @@ fn chosen(args: &SweepArgs) -> Result<Vec<Combination>> {
     };
     let kept: Vec<Combination> = all.iter().copied().filter(keep).collect();
     if kept.is_empty() {
-        return Err(user_error("the options leave no combination; p 2 with alpha 1 and blur .01 is none of the 992"));
+        return Err(user_error(
+            "the options leave no combination; the 992 do not include p 2 with alpha 1 and blur 0.01",
+        ));
     }
     Ok(kept)
 }
@@ -136,10 +138,10 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     let grid: GraphGrid = args.grid.parse().map_err(|e| user_error(format!("--grid: {e}")))?;
     if !Accuracy::NAMES.contains(&args.accuracy.as_str()) {
         let allowed = Accuracy::NAMES.join(", ");
-        return Err(user_error(format!("--accuracy: found {}, allowed: {allowed}", args.accuracy)));
+        return Err(user_error(format!("--accuracy is {}; it must be one of {allowed}", args.accuracy)));
     }
     if !(args.memory >= 0.0 && args.memory <= 1e6) {
-        return Err(user_error(format!("--memory: found {}, allowed: 0 or more GiB", args.memory)));
+        return Err(user_error(format!("--memory is {}; it must be 0 or more GiB", args.memory)));
     }
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;

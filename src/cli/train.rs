@@ -20,8 +20,8 @@ use vernis_metric::light::Light;
 pub struct StudyOptions {
     #[command(flatten)]
     input: StudyInput,
-    /// A whole study in a file of `vernis extract` or `vernis merge`. BRDFs are not needed: embeddings, which would be learned
-    /// from them, are left out, and so are pictures of BRDFs that are not there.
+    /// A whole study in a file of `vernis extract` or `vernis merge`. BRDFs are not needed: embeddings, which are learned from
+    /// BRDFs, are omitted, and so are pictures of missing BRDFs.
     #[arg(long, value_name = "PARQUET", conflicts_with_all = ["study", "lights", "shape"])]
     extracted: Option<PathBuf>,
     /// Seed of splits, resamples and initial weights. The same seed gives the same bytes.
@@ -30,7 +30,7 @@ pub struct StudyOptions {
     /// Folder for results [default: out/STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folds by material [default: 10; 5 for the embedded study].
+    /// Cross-validation folds, by material [default: 10; 5 for the embedded study].
     #[arg(long, value_name = "N")]
     folds: Option<usize>,
     /// Bootstrap resamples of materials.
@@ -118,8 +118,8 @@ fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
 
 impl Job {
     fn run(shared: &Shared, options: &StudyOptions, purpose: Purpose, bar: &Bar) -> Result<Self> {
-        if options.folds.is_some_and(|folds| folds < 2) {
-            return Err(user_error("--folds: found fewer than 2, allowed 2 or more"));
+        if let Some(folds) = options.folds.filter(|folds| *folds < 2) {
+            return Err(user_error(format!("--folds is {folds}; it must be 2 or more")));
         }
         let how = BenchmarkOptions {
             data: shared.data.clone(),

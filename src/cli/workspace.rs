@@ -29,7 +29,7 @@ pub struct MetricChoice {
     /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
     #[arg(long = "metric", short, value_name = "NAME|FILE")]
     names: Vec<String>,
-    /// Cells of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
+    /// Grid of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
     #[arg(long, value_name = "GRID")]
     grid: Option<String>,
     #[command(flatten)]
@@ -46,7 +46,7 @@ impl MetricChoice {
         if on_grid.iter().all(Option::is_none) {
             let names = metrics.iter().map(|m| m.name()).collect::<Vec<_>>().join(", ");
             return Err(user_error(format!(
-                "--grid: found no metric with a grid among {names}; allowed with ot, energy, mmd-*"
+                "--grid needs a metric with a grid, and none of {names} has one; ot, energy and mmd-* do"
             )));
         }
         Ok(metrics.into_iter().zip(on_grid).map(|(metric, on_grid)| on_grid.unwrap_or(metric)).collect())
@@ -71,7 +71,7 @@ pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<
             let twice = found.iter().any(|m| m.name() == metric.name());
             if twice && name.ends_with(".json") {
                 return Err(user_error(format!(
-                    "{name}: its metric is called `{}`, as another one that was asked for; ask for one of them",
+                    "{name}: its metric is called `{}`, and so is another one that was asked for; ask for only one of them",
                     metric.name()
                 )));
             }
@@ -88,7 +88,7 @@ pub fn one_metric(name: &str, options: &DescriptorOptions) -> Result<Arc<dyn Met
     let mut found = metrics(&[name.to_owned()], options)?;
     match (found.pop(), found.is_empty()) {
         (Some(metric), true) => Ok(metric),
-        _ => Err(user_error(format!("--metric: found {name}, which is several metrics; allowed: one"))),
+        _ => Err(user_error(format!("--metric is {name}, which is several metrics; it must be one"))),
     }
 }
 
@@ -141,7 +141,7 @@ pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
 pub fn output_file(path: &Path) -> Result<(OutputFolder, String)> {
     let name = path.file_name().and_then(|n| n.to_str()).filter(|_| !path.is_dir());
     let name = name.ok_or_else(|| {
-        user_error(format!("--out {}: found a folder or no name, allowed: the name of a file", path.display()))
+        user_error(format!("--out {} is a folder or has no name; it must be the name of a file", path.display()))
     })?;
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
@@ -149,7 +149,7 @@ pub fn output_file(path: &Path) -> Result<(OutputFolder, String)> {
 
 /// Reads a number of bootstrap resamples.
 pub fn resamples(text: &str) -> Result<usize, String> {
-    let allowed = format!("allowed: an integer of at least {MIN_RESAMPLES}");
+    let allowed = format!("it must be an integer of at least {MIN_RESAMPLES}");
     text.parse().ok().filter(|n| *n >= MIN_RESAMPLES).ok_or(allowed)
 }
 

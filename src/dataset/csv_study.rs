@@ -52,7 +52,7 @@ fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, Dat
         }
         if !seen.insert(["reference", "candidate", "material", "method"].map(|name| cell(name).to_owned())) {
             let found = format!("`{}`, `{}` again", cell("reference"), cell("candidate"));
-            return Err(field(path, line, "the pair", found, "one row a pair and method".into()));
+            return Err(field(path, line, "the pair", found, "rated in one row per method".into()));
         }
         pairs.push(pair);
     }
@@ -60,18 +60,21 @@ fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, Dat
 }
 
 fn check_header(path: &Path, header: &csv::StringRecord) -> Result<BTreeMap<String, usize>, DatasetError> {
-    let allowed = || format!("{}, and optionally {}", REQUIRED.join(", "), OPTIONAL.join(", "));
+    let columns_allowed = || format!("{}, and optionally {}", REQUIRED.join(", "), OPTIONAL.join(", "));
     let mut columns = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
         if !REQUIRED.contains(&name) && !OPTIONAL.contains(&name) {
-            return Err(field(path, 1, "a column", format!("`{name}`"), allowed()));
+            return Err(field(path, 1, "a column", format!("`{name}`"), format!("one of {}", columns_allowed())));
         }
         if columns.insert(name.to_owned(), i).is_some() {
-            return Err(field(path, 1, "a column", format!("`{name}` twice"), "each column once".into()));
+            return Err(field(path, 1, &format!("column `{name}`"), "given twice".into(), "given once".into()));
         }
     }
     match REQUIRED.iter().find(|name| !columns.contains_key(**name)) {
-        Some(name) => Err(field(path, 1, &format!("column `{name}`"), "missing".into(), allowed())),
+        Some(name) => {
+            let allowed = format!("given; the columns are {}", columns_allowed());
+            Err(field(path, 1, &format!("column `{name}`"), "missing".into(), allowed))
+        }
         None => Ok(columns),
     }
 }
@@ -85,7 +88,7 @@ fn parse_row<'a>(
     let or = |name: &str, default: &str| if cell(name).is_empty() { default.to_owned() } else { cell(name).to_owned() };
     for name in REQUIRED {
         if cell(name).is_empty() {
-            return Err(field(path, line, name, "empty".into(), "a value in every row".into()));
+            return Err(field(path, line, name, "empty".into(), "filled in every row".into()));
         }
     }
     let number = |name: &str, text: &str, ok: &dyn Fn(f64) -> bool, allowed: &str| match text.parse::<f64>() {
@@ -171,20 +174,23 @@ mod tests {
         let (a, b, c) = ("a.binary", "b.binary", "c.binary");
         let head = "reference,candidate,mos";
         for (text, expected) in [
-            ("reference,candidate\n".into(), "line 1: column `mos` is missing; allowed: reference, candidate, mos"),
-            (format!("{head},mood\n"), "line 1: a column is `mood`; allowed: reference"),
-            (format!("{head},mos\n"), "line 1: a column is `mos` twice"),
-            (format!("{head}\n{a},{b},3\n{a},{b}\n"), "line 3: the number of fields is 2; allowed: 3"),
+            (
+                "reference,candidate\n".into(),
+                "line 1: column `mos` is missing; it must be given; the columns are reference, candidate, mos",
+            ),
+            (format!("{head},mood\n"), "line 1: a column is `mood`; it must be one of reference"),
+            (format!("{head},mos\n"), "line 1: column `mos` is given twice"),
+            (format!("{head}\n{a},{b},3\n{a},{b}\n"), "line 3: the number of fields is 2; it must be 3"),
             (format!("{head}\n{a},,3\n"), "line 2: candidate is empty"),
-            (format!("{head}\n{a},{b},5.5\n"), "line 2: mos is `5.5`; allowed: 1 (very poor)"),
+            (format!("{head}\n{a},{b},5.5\n"), "line 2: mos is `5.5`; it must be 1 (very poor)"),
             (format!("{head}\n\n{a},{b},x\n"), "line 3: mos is `x`"),
             (format!("{head},weight\n{a},{b},3,0\n"), "line 2: weight is `0`"),
             (format!("{head},weight\n{a},{b},3,inf\n"), "line 2: weight is `inf`"),
-            (format!("{head},group\n{a},{b},3,g\n{a},{c},3,h\n"), "line 3: group is `h`; allowed: `g`"),
+            (format!("{head},group\n{a},{b},3,g\n{a},{c},3,h\n"), "line 3: group is `h`; it must be `g`"),
             (format!("{head}\n{a},b.xyz,3\n"), "line 2: candidate: `b.xyz` is not a BRDF source"),
         ] {
             let message = parse_text(&text).err().map(|e| e.to_string()).unwrap_or_default();
-            assert!(message.starts_with(&format!("s.csv: {expected}")), "{message}");
+            assert!(message.starts_with(&format!("s.csv, {expected}")), "{message}");
         }
         let message = parse(Path::new("s.csv"), b"reference,candidate,mos\na,\xff,3\n", Path::new("")).err();
         assert!(message.map(|e| e.to_string()).unwrap_or_default().contains("line 2: a field is not UTF-8"));

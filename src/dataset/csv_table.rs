@@ -38,7 +38,7 @@ impl<'a> CsvTable<'a> {
         let record = record.map_err(|e| csv_error(self.path, &e))?;
         let line = line_of(self.bytes, &record);
         if record.len() != self.header.len() {
-            let (found, allowed) = (record.len().to_string(), format!("{} as in the header", self.header.len()));
+            let (found, allowed) = (record.len().to_string(), format!("{}, as in the header", self.header.len()));
             return Err(field(self.path, line, "the number of fields", found, allowed));
         }
         Ok(Some((line, record)))
@@ -75,7 +75,7 @@ mod tests {
         assert_eq!(table.next_row().unwrap().unwrap(), (2, vec!["1", "2"].into()));
         assert_eq!(table.next_row().unwrap().unwrap(), (4, vec!["3\n4", "5"].into()));
         let error = table.next_row().unwrap_err().to_string();
-        assert_eq!(error, "t.csv: line 6: the number of fields is 1; allowed: 2 as in the header");
+        assert_eq!(error, "t.csv, line 6: the number of fields is 1; it must be 2, as in the header");
         assert!(table.next_row().unwrap().is_none());
     }
 }

@@ -448,7 +448,10 @@ mod tests {
         );
         assert!(layout.ignore_others && layout.column("score") == "score");
         let message = with(&section.replace("participant", "rater")).unwrap_err().to_string();
-        assert!(message.contains("raw_ratings: columns: found `rater`; allowed: participant, material"), "{message}");
+        assert!(
+            message.contains("raw_ratings: columns: a key is `rater`; it must be one of participant, material"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -164,8 +164,8 @@ impl<'a> Tables<'a> {
             Entry::Vacant(place) if path.is_file() => {
                 let found = materials(&path).map_err(|e| DatasetError::Content {
                     place: self.data.display().to_string(),
-                    found: e.to_string(),
-                    allowed: "a whole archive, or none".to_owned(),
+                    found: format!("has an archive that cannot be read ({e})"),
+                    allowed: "it must have a whole archive, or none".to_owned(),
                 })?;
                 place.insert(found.into_iter().collect())
             }

@@ -55,7 +55,7 @@ pub fn read_ratings(path: &Path, bytes: &[u8], manifest: &RatedManifest) -> Resu
         let bad = |name, found: &str, allowed| Err(field(path, line.number, name, format!("`{found}`"), allowed));
         if manifest.method(method).is_none() {
             let names: Vec<&str> = manifest.methods.iter().map(|m| m.name.as_str()).collect();
-            return bad("METHOD", method, names.join(", "));
+            return bad("METHOD", method, format!("one of {}", names.join(", ")));
         }
         if material.is_empty() {
             return bad("BRDF", material, "the name of a material".into());
@@ -65,7 +65,7 @@ pub fn read_ratings(path: &Path, bytes: &[u8], manifest: &RatedManifest) -> Resu
             _ => return bad("DISTANCE", distance, "0 to 1".into()),
         };
         if !seen.insert((method.clone(), material.clone())) {
-            return bad("the pair", &format!("{method};{material}"), "one row a pair".into());
+            return bad("the pair", &format!("{method};{material}"), "rated in one row".into());
         }
         ratings.push(Rating { method: method.clone(), material: material.clone(), mos: 5.0 - 4.0 * d });
     }
@@ -85,7 +85,7 @@ pub fn read_types(
             continue;
         }
         if !["Dielectric", "Metal"].contains(&kind.as_str()) {
-            return Err(field(path, line.number, "Type", format!("`{kind}`"), "Dielectric, Metal".into()));
+            return Err(field(path, line.number, "Type", format!("`{kind}`"), "Dielectric or Metal".into()));
         }
         types.insert(material.clone(), kind.clone());
     }
@@ -113,14 +113,14 @@ mod tests {
     fn a_bad_row_is_named_by_its_line() {
         let head = "METHOD;BRDF;DISTANCE\n";
         for (rows, line, what) in [
-            ("SGD;teflon;0.5\nSGD;nylon;1.5\n", 3, "DISTANCE is `1.5`; allowed: 0 to 1"),
+            ("SGD;teflon;0.5\nSGD;nylon;1.5\n", 3, "DISTANCE is `1.5`; it must be 0 to 1"),
             ("SGD;teflon;NaN\n", 2, "DISTANCE is `NaN`"),
             ("SGDD;teflon;0.5\n", 2, "METHOD is `SGDD`"),
-            ("SGD;teflon\n", 2, "the number of fields is 2; allowed: 3"),
+            ("SGD;teflon\n", 2, "the number of fields is 2; it must be 3"),
             ("SGD;teflon;0\nABC;teflon;0\nSGD;teflon;0\n", 4, "the pair is `SGD;teflon`"),
         ] {
             let message = ratings(&format!("{head}{rows}")).unwrap_err().to_string();
-            assert!(message.starts_with(&format!("r.csv: line {line}: {what}")), "{message}");
+            assert!(message.starts_with(&format!("r.csv, line {line}: {what}")), "{message}");
         }
         assert!(ratings("METHOD,BRDF,DISTANCE\n").unwrap_err().to_string().contains("the header"));
     }

@@ -79,7 +79,7 @@ impl RawLayout {
         let text = String::from_utf8(bytes).map_err(|e| unreadable(e.to_string()))?;
         let layout: Self = toml::from_str(&text).map_err(|e| unreadable(e.to_string().trim().replace('\n', " ")))?;
         if layout.file.is_empty() {
-            return Err(unreadable("`file` is missing; allowed: the name of a CSV file beside it".into()));
+            return Err(unreadable("`file` is missing; it must be the name of a CSV file beside it".into()));
         }
         layout.check().map_err(unreadable)?;
         let csv = path.parent().unwrap_or(Path::new("")).join(&layout.file);
@@ -91,10 +91,10 @@ impl RawLayout {
         let known = || REQUIRED.iter().chain(&OPTIONAL);
         if let Some(column) = self.columns.keys().find(|c| !known().any(|k| k == c)) {
             let allowed = known().copied().collect::<Vec<_>>().join(", ");
-            return Err(format!("columns: found `{column}`; allowed: {allowed}"));
+            return Err(format!("columns: a key is `{column}`; it must be one of {allowed}"));
         }
         if !self.delimiter.is_ascii() {
-            return Err(format!("delimiter: found `{}`; allowed: one ASCII character", self.delimiter));
+            return Err(format!("delimiter is `{}`; it must be one ASCII character", self.delimiter));
         }
         Ok(())
     }

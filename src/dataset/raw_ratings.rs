@@ -92,7 +92,7 @@ fn check_header(
     header: &csv::StringRecord,
     layout: &RawLayout,
 ) -> Result<BTreeMap<&'static str, usize>, DatasetError> {
-    let allowed = || {
+    let columns_allowed = || {
         let of = |names: &[&str]| names.iter().map(|n| layout.column(n).to_owned()).collect::<Vec<_>>().join(", ");
         format!("{}, and optionally {}", of(&REQUIRED), of(&OPTIONAL))
     };
@@ -102,15 +102,18 @@ fn check_header(
             if layout.ignore_others {
                 continue;
             }
-            return Err(field(path, 1, "a column", format!("`{found}`"), allowed()));
+            return Err(field(path, 1, "a column", format!("`{found}`"), format!("one of {}", columns_allowed())));
         };
         if columns.insert(name, i).is_some() {
-            return Err(field(path, 1, "a column", format!("`{found}` twice"), "each column once".into()));
+            return Err(field(path, 1, &format!("column `{found}`"), "given twice".into(), "given once".into()));
         }
     }
     let optional = OPTIONAL.iter().filter(|name| layout.columns.contains_key(**name));
     match REQUIRED.iter().chain(optional).find(|name| !columns.contains_key(**name)) {
-        Some(name) => Err(field(path, 1, &format!("column `{}`", layout.column(name)), "missing".into(), allowed())),
+        Some(name) => {
+            let allowed = format!("given; the columns are {}", columns_allowed());
+            Err(field(path, 1, &format!("column `{}`", layout.column(name)), "missing".into(), allowed))
+        }
         None => Ok(columns),
     }
 }
@@ -146,7 +149,7 @@ impl<'a> Rows<'a> {
 
     fn add<'c>(&mut self, line: u64, cell: &impl Fn(&str) -> &'c str) -> Result<(), DatasetError> {
         if let Some(name) = REQUIRED.iter().find(|name| cell(name).is_empty()) {
-            return Err(self.wrong(line, name, "empty".into(), "a value in every row".into()));
+            return Err(self.wrong(line, name, "empty".into(), "filled in every row".into()));
         }
         let score = self.score(line, "score", cell("score"))?;
         let next = self.participants.len();
@@ -154,7 +157,7 @@ impl<'a> Rows<'a> {
         let seconds = match cell("seconds") {
             "" => None,
             text => Some(text.parse::<f64>().ok().filter(|s| *s >= 0.0 && s.is_finite()).ok_or_else(|| {
-                self.wrong(line, "seconds", format!("`{text}`"), "a finite number of at least 0, or nothing".into())
+                self.wrong(line, "seconds", format!("`{text}`"), "a finite number of at least 0, or empty".into())
             })?),
         };
         if !cell("gold").is_empty() {
@@ -166,7 +169,12 @@ impl<'a> Rows<'a> {
         if !self.seen.insert((participant, stimulus)) {
             let Stimulus { material, method, .. } = &self.listed[stimulus];
             let found = format!("a second score of {} for {material}, {method}", cell("participant"));
-            return Err(self.wrong(line, "the row", found, "one score a participant and stimulus".into()));
+            return Err(self.wrong(
+                line,
+                "the row",
+                found,
+                "the only score of that participant for that stimulus".into(),
+            ));
         }
         self.judgements.push(Judgement { participant, stimulus, score, seconds });
         Ok(())
@@ -179,7 +187,7 @@ impl<'a> Rows<'a> {
         let (first, first_line) = self.materials.entry(material.clone()).or_insert_with(|| (stated.clone(), line));
         for (i, name) in ["group", "material_type"].into_iter().enumerate() {
             if first[i] != stated[i] {
-                let allowed = format!("`{}`, that of material {material} on line {first_line}", first[i]);
+                let allowed = format!("`{}`, as for material {material} on line {first_line}", first[i]);
                 return Err(self.wrong(line, name, format!("`{}`", stated[i]), allowed));
             }
         }
@@ -190,7 +198,7 @@ impl<'a> Rows<'a> {
         let illumination = cell("illumination").to_owned();
         if self.listed.first().is_some_and(|s| s.illumination.is_some() == illumination.is_empty()) {
             let found = if illumination.is_empty() { "empty".into() } else { format!("`{illumination}`") };
-            return Err(self.wrong(line, "illumination", found, "a value in every row, or in none".into()));
+            return Err(self.wrong(line, "illumination", found, "filled in every row or in none".into()));
         }
         let next = self.listed.len();
         let index = *self.stimuli.entry([material.clone(), method.clone(), illumination.clone()]).or_insert(next);
@@ -216,11 +224,11 @@ impl<'a> Rows<'a> {
     fn finish(self) -> Result<(Vec<Stimulus>, RawRatings), DatasetError> {
         let few = |reason: String| DatasetError::Unreadable { path: self.path.into(), reason };
         if self.judgements.is_empty() {
-            return Err(few("it has no judgement of a stimulus; allowed: at least 1".into()));
+            return Err(few("it has no judgement of a stimulus; it must have at least 1".into()));
         }
         if self.participants.len() < 2 {
             let only = self.participants.keys().next().map_or("", String::as_str);
-            return Err(few(format!("all scores are of one participant, {only}; allowed: at least 2")));
+            return Err(few(format!("all scores are of one participant, {only}; there must be at least 2")));
         }
         let mut participants = vec![String::new(); self.participants.len()];
         for (name, index) in self.participants {
@@ -273,38 +281,49 @@ mod tests {
         };
         assert!(broken("delimiter = \";\"\n").contains("b.toml: `file` is missing"));
         assert!(
-            broken("file = \"e.csv\"\n[columns]\nrater = \"w\"\n").contains("columns: found `rater`; allowed: part")
+            broken("file = \"e.csv\"\n[columns]\nrater = \"w\"\n")
+                .contains("columns: a key is `rater`; it must be one of part")
         );
-        assert!(broken("file = \"e.csv\"\ndelimiter = \"§\"\n").contains("delimiter: found `§`"));
+        assert!(broken("file = \"e.csv\"\ndelimiter = \"§\"\n").contains("delimiter is `§`; it must be one ASCII"));
         let message = broken(&map.replace("answer", "score"));
-        assert!(message.contains("e.csv: line 1: column `score` is missing; allowed: worker, BRDF"), "{message}");
+        assert!(
+            message
+                .contains("e.csv, line 1: column `score` is missing; it must be given; the columns are worker, BRDF"),
+            "{message}"
+        );
     }
 
     #[test]
     fn every_error_names_file_line_field_found_and_allowed() {
         for (text, expected) in [
-            ("participant,material,score\n".into(), "line 1: column `method` is missing; allowed: participant,"),
-            (format!("{HEAD},mood\n"), "line 1: a column is `mood`; allowed: participant, material, method"),
-            (format!("{HEAD},score\n"), "line 1: a column is `score` twice"),
-            (format!("{HEAD}\na,m,S,3\na,m\n"), "line 3: the number of fields is 2; allowed: 4"),
-            (format!("{HEAD}\na,m,S,6\n"), "line 2: score is `6`; allowed: 1 (very poor) to 5"),
+            (
+                "participant,material,score\n".into(),
+                "line 1: column `method` is missing; it must be given; the columns are participant,",
+            ),
+            (format!("{HEAD},mood\n"), "line 1: a column is `mood`; it must be one of participant, material, method"),
+            (format!("{HEAD},score\n"), "line 1: column `score` is given twice"),
+            (format!("{HEAD}\na,m,S,3\na,m\n"), "line 3: the number of fields is 2; it must be 4"),
+            (format!("{HEAD}\na,m,S,6\n"), "line 2: score is `6`; it must be 1 (very poor) to 5"),
             (format!("{HEAD}\na,m,S,NaN\n"), "line 2: score is `NaN`"),
             (format!("{HEAD}\na,,S,3\n"), "line 2: material is empty"),
             (
                 format!("{HEAD}\na,m,S,3\nb,m,S,3\n\na,m,S,4\n"),
-                "line 5: the row is a second score of a for m, S; allowed",
+                "line 5: the row is a second score of a for m, S; it must be the only score",
             ),
             (format!("{HEAD},seconds\na,m,S,3,-1\n"), "line 2: seconds is `-1`"),
-            (format!("{HEAD},gold\na,m,S,3,9\n"), "line 2: gold is `9`; allowed: 1"),
-            (format!("{HEAD},group\na,m,S,3,g\nb,m,S,3,h\n"), "line 3: group is `h`; allowed: `g`, that of material m"),
-            (format!("{HEAD},illumination\na,m,S,3,x\nb,m,S,3,\n"), "line 3: illumination is empty; allowed: a value"),
+            (format!("{HEAD},gold\na,m,S,3,9\n"), "line 2: gold is `9`; it must be 1"),
+            (
+                format!("{HEAD},group\na,m,S,3,g\nb,m,S,3,h\n"),
+                "line 3: group is `h`; it must be `g`, as for material m",
+            ),
+            (format!("{HEAD},illumination\na,m,S,3,x\nb,m,S,3,\n"), "line 3: illumination is empty; it must be filled"),
         ] {
             let message = read(&text, &RawLayout::default()).err().map(|e| e.to_string()).unwrap_or_default();
-            assert!(message.starts_with(&format!("r.csv: {expected}")), "{message}");
+            assert!(message.starts_with(&format!("r.csv, {expected}")), "{message}");
         }
         let refused = |text: String| read(&text, &RawLayout::default()).unwrap_err().to_string();
         let message = refused(format!("{HEAD}\na,m,S,3\na,n,S,3\n"));
-        assert_eq!(message, "r.csv: all scores are of one participant, a; allowed: at least 2");
+        assert_eq!(message, "r.csv: all scores are of one participant, a; there must be at least 2");
         assert!(refused(format!("{HEAD},gold\na,m,S,3,3\n")).contains("no judgement of a stimulus"));
     }
 }

@@ -74,8 +74,8 @@ impl Measured {
         let size = file.bytes.map_or_else(String::new, |b| format!("{b} bytes, "));
         DatasetError::Content {
             place: place.to_string(),
-            found: self.to_string(),
-            allowed: format!("{size}SHA-256 {}", file.sha256),
+            found: format!("has {self}"),
+            allowed: format!("it must have {size}SHA-256 {}", file.sha256),
         }
     }
 }

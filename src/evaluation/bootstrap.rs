@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn holm_agrees_with_statsmodels() {
-        // statsmodels 0.15.0: multipletests([.01, .04, .03, .005, .6, .03], method="holm")[1]
+        // statsmodels 0.15.0: multipletests([0.01, 0.04, 0.03, 0.005, 0.6, 0.03], method="holm")[1]
         let expected = [0.05, 0.12, 0.12, 0.03, 0.6, 0.12];
         for (found, expected) in holm(&[0.01, 0.04, 0.03, 0.005, 0.6, 0.03]).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-15);
@@ -200,6 +200,6 @@ mod tests {
     fn one_group_cannot_be_resampled() {
         let (ratings, _) = clustered(1, 5, &mut seed::stream(1, "test", 0));
         let error = draw(&ratings, 100, 0).unwrap_err().to_string();
-        assert_eq!(error, "groups of materials in a bootstrap: found 1, allowed: at least 2");
+        assert_eq!(error, "the number of groups of materials in a bootstrap is 1; it must be at least 2");
     }
 }

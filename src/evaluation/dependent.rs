@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn agrees_with_zou_2007() {
-        // The paper's worked example of overlapping correlations: .396, .179, .088, n = 66 gives (-.093, .517). The
+        // The paper's worked example of overlapping correlations: 0.396, 0.179, 0.088, n = 66 gives (-0.093, 0.517). The
         // digits beyond are the paper's formula in numpy 2.
         let found = DependentCorrelations::compare(0.396, 0.179, 0.088, 66).unwrap();
         assert!((found.zou.low - -0.09290192167481043).abs() < 1e-12, "{found:?}");

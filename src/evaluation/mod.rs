@@ -24,8 +24,10 @@ use vernis_metric::math::resampling::ResamplingError;
 
 /// Why agreement with people could not be measured.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum EvaluationError {
-    #[error("{what}: found {found}, expected {expected}")]
+    #[error("the number of {what} is {found}; it must be {expected}")]
     Lengths { what: &'static str, found: usize, expected: usize },
     #[error("{what}: {source}")]
     Correlation { what: &'static str, source: CorrelationError },
@@ -35,20 +37,20 @@ pub enum EvaluationError {
     Split(#[from] SplitError),
     #[error("{metric}, fold {fold} of {training_rows} training rows: {source}")]
     Training { metric: String, fold: usize, training_rows: usize, source: Box<TrainError> },
-    #[error("row {row} ({material}, {method}) is held out by {times} folds, allowed: exactly 1")]
+    #[error("row {row} ({material}, {method}) is held out by {times} folds; it must be held out by exactly 1")]
     Coverage { row: usize, material: String, method: String, times: usize },
-    #[error("{metric}: the prediction for row {row} is {value}, allowed: finite numbers")]
+    #[error("{metric}: the prediction for row {row} is {value}; it must be finite")]
     NotFinite { metric: String, row: usize, value: f64 },
-    #[error("{metric}: only {defined} of {resamples} resamples have a correlation, at least half must")]
+    #[error("{metric}: {defined} of {resamples} resamples have a correlation; at least half must have one")]
     Resamples { metric: String, defined: usize, resamples: usize },
-    #[error("{what}: found {found}, allowed: at least {least}")]
+    #[error("the number of {what} is {found}; it must be at least {least}")]
     TooFew { what: &'static str, found: usize, least: usize },
     #[error(transparent)]
     Resampling(#[from] ResamplingError),
-    #[error("no column is called {name} among the {columns} of the samples")]
+    #[error("there is no column {name} among the {columns} columns of the samples")]
     UnknownColumn { name: String, columns: usize },
     #[error(transparent)]
     Samples(#[from] SamplesError),
-    #[error("no metric is called {name}; judged are {judged}")]
+    #[error("there is no metric {name}; the judged metrics are {judged}")]
     UnknownMetric { name: String, judged: String },
 }

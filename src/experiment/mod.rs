@@ -35,6 +35,7 @@ use vernis_metric::metric::learned::ExportedError;
 /// Why an experiment has no result.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExperimentError {
     #[error(transparent)]
     Study(#[from] Box<DatasetError>),

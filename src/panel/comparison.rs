@@ -290,6 +290,6 @@ fn two<'a>(found: &[&'a str]) -> Option<[&'a str; 2]> {
 
 fn levels(what: &'static str, found: &[&str]) -> StudyError {
     let named =
-        if found.is_empty() { "none stated".to_owned() } else { format!("{} ({})", found.len(), found.join(", ")) };
+        if found.is_empty() { "0 (none stated)".to_owned() } else { format!("{} ({})", found.len(), found.join(", ")) };
     StudyError::Levels { what, found: named, allowed: "2" }
 }

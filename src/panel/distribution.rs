@@ -38,7 +38,7 @@ mod tests {
 
     #[test]
     fn values_agree_with_scipy() {
-        // scipy 1.17.1: stats.t.ppf(.975, d), 2*stats.t.sf(t, d), stats.f.ppf(.975, a, b), stats.f.sf(f, a, b)
+        // scipy 1.17.1: stats.t.ppf(0.975, d), 2*stats.t.sf(t, d), stats.f.ppf(0.975, a, b), stats.f.sf(f, a, b)
         close(t_975(29.0), 2.045229642132703, 1e-9);
         close(t_975(1.0), 12.706204736174694, 1e-9);
         close(t_two_sided(-2.2, 17.4), 0.04158659479381033, 1e-9);

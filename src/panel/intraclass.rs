@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn correlations_agree_with_the_paper_and_pingouin() {
-        // Table 4 of the paper: .17, .29 for single scores; .44, .62 for means of four. All digits: pingouin 0.7.0,
+        // Table 4 of the paper: 0.17, 0.29 for single scores; 0.44, 0.62 for means of four. All digits: pingouin 0.7.0,
         // pingouin.intraclass_corr(long, "target", "judge", "score"), its rounding of the intervals off.
         let one = one_way(&shrout_and_fleiss()).unwrap();
         check(&one.single, [0.1657417684, -0.1329323249, 0.7225600623]);
@@ -162,7 +162,7 @@ mod tests {
         (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
     }
 
-    /// Score = stimulus (variance .9) + rater (.1) + noise (.5).
+    /// Score = stimulus (variance 0.9) + rater (0.1) + noise (0.5).
     fn panel(stimuli: usize, raters: usize, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         let of_raters: Vec<f64> = (0..raters).map(|_| 0.1f64.sqrt() * normal(rng)).collect();
         (0..stimuli)
@@ -176,14 +176,14 @@ mod tests {
     #[test]
     fn true_variance_components_are_recovered() {
         let mut rng = seed::stream(1, "intraclass", 0);
-        // One score: .9/(.9 + .1 + .5) = .6; a mean of 30: .9/(.9 + .6/30) = .9783.
+        // One score: 0.9/(0.9 + 0.1 + 0.5) = 0.6; a mean of 30: 0.9/(0.9 + 0.6/30) = 0.9783.
         let covered = (0..200)
             .filter(|_| {
                 let found = two_way(&panel(60, 30, &mut rng)).unwrap();
                 found.single.interval.contains(0.6) && found.average.interval.contains(0.9 / 0.92)
             })
             .count();
-        // Binomial(200, .95): 182 to 198 with probability > .99.
+        // Binomial(200, 0.95): 182 to 198 with probability > 0.99.
         assert!((182..=199).contains(&covered), "{covered}");
         let large = panel(3000, 30, &mut rng);
         assert!((two_way(&large).unwrap().single.value - 0.6).abs() < 0.03);

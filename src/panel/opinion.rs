@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn intervals_agree_with_scipy() {
-        // scipy 1.17.1: s = [4,5,3,4,4,2,5,3]; stats.t.interval(.95, 7, numpy.mean(s), stats.sem(s))
+        // scipy 1.17.1: s = [4,5,3,4,4,2,5,3]; stats.t.interval(0.95, 7, numpy.mean(s), stats.sem(s))
         let o = Opinion::of_scores(&[4.0, 5.0, 3.0, 4.0, 4.0, 2.0, 5.0, 3.0]).unwrap();
         let interval = o.interval.unwrap();
         assert_eq!((o.raters, o.mos), (8, 3.75));
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn intervals_hold_the_true_mean_as_often_as_they_say() {
-        // Scores 1 + .8 K, K binomial(5, .6): mean 3.4.
+        // Scores 1 + 0.8 K, K binomial(5, 0.6): mean 3.4.
         let mut rng = seed::stream(1, "opinion", 0);
         let covered = (0..2000)
             .filter(|_| {
@@ -90,13 +90,13 @@ mod tests {
                 Opinion::of_scores(&scores).and_then(|o| o.interval).is_some_and(|i| i.contains(3.4))
             })
             .count();
-        // Binomial(2000, .95): 1875 to 1925 with probability > .99.
+        // Binomial(2000, 0.95): 1875 to 1925 with probability > 0.99.
         assert!((1875..=1925).contains(&covered), "{covered}");
     }
 
     #[test]
     fn the_noise_model_gives_the_spread_of_real_ratings() {
-        // a = .2, 30 raters, MOS 3: standard deviation sqrt .8, standard error .163.
+        // a = 0.2, 30 raters, MOS 3: standard deviation sqrt 0.8, standard error 0.163.
         let o = Opinion::of_mean(3.0, 0.2, 30);
         assert!((o.deviation.unwrap() - 0.8f64.sqrt()).abs() < 1e-15);
         assert!((o.width().unwrap() - 2.0 * 2.045229642 * 0.8f64.sqrt() / 30f64.sqrt()).abs() < 1e-8);

@@ -83,7 +83,7 @@ mod tests {
     use super::*;
     use rand::Rng;
 
-    /// Scores 1 + .8 K, K binomial(5, p), whose variance is .2 (x - 1)(5 - x), for p spread evenly.
+    /// Scores 1 + 0.8 K, K binomial(5, p), whose variance is 0.2 (x - 1)(5 - x), for p spread evenly.
     fn panel(stimuli: usize, raters: usize) -> Vec<Vec<f64>> {
         let mut rng = seed::stream(4, "reliability", 0);
         let stimulus = |i: usize| {
@@ -98,7 +98,7 @@ mod tests {
     fn halves_agree_as_their_signal_and_noise_say() {
         let scores = panel(600, 30);
         let found = split_half(&scores, 100, 1).unwrap();
-        // True means 1.8 to 4.2, uniform: variance .48; noise of a half .2 mean((x-1)(5-x))/15 = .2 * 3.52/15 = .0469.
+        // True means 1.8 to 4.2, uniform: variance 0.48; noise of a half 0.2 mean((x-1)(5-x))/15 = 0.2 * 3.52/15 = 0.0469.
         let truth = 0.48 / (0.48 + 0.0469);
         assert!((found.pearson.mean - truth).abs() < 0.01, "{found:?} {truth}");
         assert!(found.pearson.deviation > 0.0005 && found.pearson.deviation < 0.01, "{found:?}");

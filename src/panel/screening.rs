@@ -6,8 +6,8 @@
 //! * **Time**: a mean answer takes less than [`LEAST_SECONDS`] (the same section: 10 s for 10 ratings).
 //! * **Outlier**: clause 2.3.1 of annex 2 of ITU-R BT.500-13. With mean u_s, sample standard deviation S_s and kurtosis
 //!   b_s = m4/m2^2 of the scores of stimulus s, a participant's score counts in P if it is u_s + c S_s or more, in Q if
-//!   u_s - c S_s or less, c = 2 where 2 <= b_s <= 4 and sqrt 20 elsewhere; outlier if (P + Q)/J > .05 and
-//!   |P - Q|/(P + Q) < .3, J the number of stimuli that the participant rated. Stimuli on which all agree count nothing.
+//!   u_s - c S_s or less, c = 2 where 2 <= b_s <= 4 and sqrt 20 elsewhere; outlier if (P + Q)/J > 0.05 and
+//!   |P - Q|/(P + Q) < 0.3, J the number of stimuli that the participant rated. Stimuli on which all agree count nothing.
 //!
 //! Outliers are looked for among those who pass the first two. Cost: linear.
 
@@ -178,7 +178,7 @@ mod tests {
         for j in raw.judgements.iter_mut().filter(|j| j.participant < 2) {
             j.seconds = Some(if j.participant == 0 { 0.4 } else { 3.0 });
         }
-        // Participant 2 is wrong once in 7 (.857), 4 once in 6 (.833); a grade off is right.
+        // Participant 2 is wrong once in 7 (0.857), 4 once in 6 (0.833); a grade off is right.
         for (participant, wrong, questions) in [(2, 1, 7), (4, 1, 6)] {
             let answer =
                 |q| GoldAnswer { participant, score: if q < wrong { 3.0 } else { 2.0 }, expected: 1.0, seconds: None };

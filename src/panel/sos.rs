@@ -65,14 +65,14 @@ mod tests {
 
     #[test]
     fn the_slope_agrees_with_numpy() {
-        // numpy 2.4.6: x = [1.5,2.2,3,4.1]; v = [.4,.5,.9,.6]; g = -x**2+6*x-5; numpy.linalg.lstsq(g[:,None], v)[0]
+        // numpy 2.4.6: x = [1.5,2.2,3,4.1]; v = [0.4,0.5,0.9,0.6]; g = -x**2+6*x-5; numpy.linalg.lstsq(g[:,None], v)[0]
         let fit = fit(&[1.5, 2.2, 3.0, 4.1], &[0.4, 0.5, 0.9, 0.6]).unwrap();
         assert!((fit.a - 0.20070169550191164).abs() < 1e-14, "{}", fit.a);
     }
 
     #[test]
     fn the_true_a_is_recovered() {
-        // Scores 1 + 4 K/m, K binomial(m, p), have variance (x - 1)(5 - x)/m: a = 1/m = .2.
+        // Scores 1 + 4 K/m, K binomial(m, p), have variance (x - 1)(5 - x)/m: a = 1/m = 0.2.
         let (m, raters) = (5u8, 30);
         let mut rng = seed::stream(1, "sos", 0);
         let (mut means, mut variances) = (Vec::new(), Vec::new());
@@ -88,7 +88,7 @@ mod tests {
             variances.push(moments.variance.unwrap());
         }
         let found = fit(&means, &variances).unwrap();
-        // 2,000 variances of 30 scores, each with a relative error of about .26: a to .2 * .26/sqrt 2000 * 1.1 = .0013.
+        // 2,000 variances of 30 scores, each with a relative error of about 0.26: a to 0.2 * 0.26/sqrt 2000 * 1.1 = 0.0013.
         assert!((found.a - 0.2).abs() < 0.004, "{found:?}");
         assert!(found.rmse < 0.15, "{found:?}");
     }

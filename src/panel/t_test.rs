@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn tests_agree_with_scipy() {
-        // scipy 1.17.1: r = stats.ttest_ind(A, B, equal_var=False); r.statistic, r.df, r.pvalue, r.confidence_interval(.95)
+        // scipy 1.17.1: r = stats.ttest_ind(A, B, equal_var=False); r.statistic, r.df, r.pvalue, r.confidence_interval(0.95)
         let expected =
             [2.807111841816682, 9.959876823521594, 0.01863463003896458, 0.2093468738092974, 1.8249388404764182];
         check(&welch(&A, &B).unwrap(), expected);
@@ -94,12 +94,12 @@ mod tests {
 
     #[test]
     fn a_true_difference_is_found_as_often_as_it_should() {
-        // 400 pairs of samples from the same uniform distribution: 5 % of the tests find p < .05.
+        // 400 pairs of samples from the same uniform distribution: 5 % of the tests find p < 0.05.
         use rand::Rng;
         let mut rng = vernis_metric::math::seed::stream(1, "t-test", 0);
         let mut draw = |n: usize, shift: f64| (0..n).map(|_| shift + rng.random_range(0.0..1.0)).collect::<Vec<_>>();
         let null = (0..400).filter(|_| welch(&draw(20, 0.0), &draw(35, 0.0)).unwrap().p < 0.05).count();
-        // Binomial(400, .05): 10 to 32 with probability > .99.
+        // Binomial(400, 0.05): 10 to 32 with probability > 0.99.
         assert!((10..=32).contains(&null), "{null}");
         let covered =
             (0..400).filter(|_| welch(&draw(20, 0.3), &draw(35, 0.0)).unwrap().interval.contains(0.3)).count();

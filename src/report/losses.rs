@@ -47,11 +47,11 @@ pub fn text(record: &LossesRecord) -> String {
 
 fn introduction(record: &LossesRecord) -> String {
     format!(
-        "{} materials, one of each group of sisters, fitted with {} under {} losses, and each fit judged by {} metrics.\n\n\
-         Read: per cent by which the judge's distance of the fits changes against the baseline, 200 (a - b)/(a + b), less is \
-         better; for `mos` the change of the predicted mean opinion score, more is better. Means over materials [95 % interval, \
-         {} resamples of materials]. *better* and *worse*: p < .05 after Holm's correction for all fair comparisons of a table. \
-         (In parentheses: the judge is the loss or the baseline itself; it decides nothing.)\n",
+        "{} materials, one of each group of sisters, were fitted with {} under {} losses; {} metrics judged each fit.\n\n\
+         Each number is the change of the judge's distance against the baseline in per cent, 200 (a - b)/(a + b); less is \
+         better. For `mos` it is the change of the predicted mean opinion score; more is better. Means over materials [95 % interval, \
+         {} resamples of materials]. *better* and *worse*: p < 0.05 after Holm's correction for all fair comparisons of a table. \
+         (In parentheses: the judge is the loss or the baseline itself and does not count.)\n",
         record.materials.len(),
         record.settings.models.join(", "),
         record.searches.len(),
@@ -79,7 +79,7 @@ fn summary(record: &LossesRecord) -> String {
     if let Some((_, comparisons)) = record.blending.first() {
         for tally in tallies(comparisons).values() {
             let helps = match (tally.better.len(), tally.worse.len()) {
-                (0, 0) => "makes no difference that these materials could show",
+                (0, 0) => "makes no difference that these materials can show",
                 (_, 0) => "helps",
                 (0, _) => "harms",
                 _ => "helps by some judges and harms by others",
@@ -178,15 +178,15 @@ fn method(record: &LossesRecord) -> String {
     let mut text = format!(
         "## How it was made\n\n\
          * Losses: `D4.Cl`, `D9.Cl` and `D4.Cl.CR` (D4.Cl of cube roots) by Hooke-Jeeves on every {0}th cell along each axis, then \
-         a polish on all cells; `ot` is `{1}` by L-BFGS, a coarse grid so that a fit takes seconds; `learned` and `blended` are \
-         one learned metric by Hooke-Jeeves with {2} evaluations from a fit under D9.Cl, at once or by degrees.\n\
+         a polish on all cells; `ot` is `{1}` by L-BFGS, on a coarse grid so that a fit takes seconds; `learned` and `blended` are \
+         one learned metric by Hooke-Jeeves with {2} evaluations from a fit under D9.Cl, at once or gradually.\n\
          * The learned metric of a material's fits comes from {3} folds by material of {4} and has seen neither the material nor \
-         its sisters. `mos` is predicted by another one of the same fold, trained with another seed: it has not seen them either, \
-         but has the same rows and descriptors as the loss, so that it is kind to `learned` and `blended`.\n\
+         its sisters. `mos` comes from another metric of the same fold, trained with another seed: it has not seen them either, \
+         but it shares rows and descriptors with the loss, so it favours `learned` and `blended`.\n\
          * The judge `ot` is the same as the loss `ot`; `energy` is `{5}`. `PROBE.log` and `PROBE.screen` compare pictures of a \
          sphere under a light probe in five turns, in an opponent log space (fourth-power mean) and as a screen shows them \
-         (root mean square). The learned metrics know such pictures, but under other lights.\n\
-         * Searches that spent their evaluations, of all fits, and the median of evaluations: ",
+         (root mean square). The learned metrics use such pictures, but under other lights.\n\
+         * Searches that reached their limit of evaluations, of all fits, and the median number of evaluations: ",
         s.coarsening, s.transport, s.max_evaluations, s.folds, record.study, s.energy,
     );
     let ends = |e: &Searches| format!("`{}` {} of {}, {}", e.loss.name(), e.unfinished, e.fits, e.evaluations);

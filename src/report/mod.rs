@@ -22,8 +22,10 @@ use thiserror::Error;
 
 /// Why a report could not be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ReportError {
-    #[error("{path}: cannot write there: {source}; allowed: a folder that can be created and written to")]
+    #[error("{path}: cannot write there: {source}; it must be a folder that can be created and written to")]
     Unwritable { path: PathBuf, source: std::io::Error },
     #[error("{path}: {source}")]
     Write { path: PathBuf, source: std::io::Error },

@@ -17,6 +17,8 @@ const SIDE: usize = 48;
 
 /// Why a material has no picture.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum PictureError {
     #[error(transparent)]
     Source(#[from] Box<BrdfError>),

@@ -93,7 +93,7 @@ fn what_was_rated(record: &StudyRecord) -> String {
         [] => "the illumination is not stated".to_owned(),
         [one] => format!("under {one}"),
         [main, others @ ..] => {
-            format!("under {main} and {}; where it is not said otherwise, under {main} alone", others.join(", "))
+            format!("under {main} and {}; unless stated otherwise, under {main} alone", others.join(", "))
         }
     };
     let part = if record.found == record.known || record.panel.is_some() {
@@ -118,7 +118,7 @@ fn raters(panel: &Panel) -> String {
             Criterion::Gold,
             format!("fewer than {:.0} % of control questions within {GOLD_TOLERANCE} grade", 100.0 * GOLD_ACCURACY),
         ),
-        (Criterion::Time, format!("less than {LEAST_SECONDS} s an answer")),
+        (Criterion::Time, format!("less than {LEAST_SECONDS} s per answer")),
         (Criterion::Outlier, "outliers of ITU-R BT.500-13, annex 2, 2.3.1".to_owned()),
     ];
     let checks = criteria.map(|(criterion, what)| {
@@ -132,8 +132,8 @@ fn raters(panel: &Panel) -> String {
         panel.judgements,
         panel.participants,
         panel.screened.len(),
-        each("Judgements a participant", panel.judgements_each),
-        each("Raters a stimulus", panel.raters_each),
+        each("Judgements per participant", panel.judgements_each),
+        each("Raters per stimulus", panel.raters_each),
         checks.join("; "),
     )
 }
@@ -144,7 +144,9 @@ fn spread(record: &StudyRecord) -> String {
     let how = match record.spread {
         Spread::Scores => "Student's t of the scores of each stimulus".to_owned(),
         Spread::NoiseModel { a, raters } => {
-            format!("ASSUMED, as the study gives means alone: variance {a} (-x^2 + 6x - 5), {raters} raters a stimulus")
+            format!(
+                "ASSUMED, because the study gives only means: variance {a} (-x^2 + 6x - 5), {raters} raters per stimulus"
+            )
         }
     };
     format!("1 is very poor, 5 excellent. 95 % intervals of single means are +-{half:.2} on average ({how}).")
@@ -178,7 +180,7 @@ fn agreement(record: &StudyRecord) -> Vec<Block> {
     }
     if let Some(e) = &record.expected_reliability {
         blocks.push(Block::Text(format!(
-            "EXPECTED of the assumed noise, not found: halves of the panel correlate with {:.3} (Pearson), and {:.3} of \
+            "EXPECTED from the assumed noise, not measured: halves of the panel correlate with {:.3} (Pearson), and {:.3} of \
              the variance of the means is signal.",
             e.split_half_pearson, e.signal
         )));

@@ -30,7 +30,7 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
     let all = record.in_sample.len();
     let shown = shown.min(all);
     let title = format!(
-        "{}, grid {}, {} accuracy, the {shown} best of {all} in sample: chosen and mapped on the rows that are judged, as in the \
+        "{}, grid {}, {} accuracy, the {shown} best of {all} in sample: chosen and mapped on the same rows on which they are judged, as in the \
          paper",
         record.study, record.grid, record.accuracy
     );
@@ -40,7 +40,7 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
 /// `found` of the combinations that `command` asks for are in the record, `asked` they are.
 pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2]) -> String {
     let mut text = format!(
-        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {asked} combinations that this asks for, \
+        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {asked} combinations that this command asks for, \
          {} of them refused and the others with {} powers gamma each; {} resamples of materials, seed {}.\n\n",
         record.refused.len(),
         GAMMAS.len(),
@@ -48,7 +48,7 @@ pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2])
         record.seed
     );
     if found < asked {
-        text += "**Not all are computed yet**: whatever is missing may be better than what is here.\n\n";
+        text += "**Not all are computed yet**: a missing combination may be better than those below.\n\n";
     }
     text += &nested(record).to_markdown();
     text += "\n";

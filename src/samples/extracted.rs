@@ -137,7 +137,7 @@ impl ExtractedStudy {
         let refused = |found: String| DatasetError::Content {
             place: format!("the numbers of {}", self.study.name),
             found,
-            allowed: "columns of one length, with exchanged pairs".to_owned(),
+            allowed: "they must be columns of one length, with exchanged pairs".to_owned(),
         };
         let pairs = &self.study.pairs;
         let text = |of: &dyn Fn(&RatedPair) -> Option<String>| Values::Text(pairs.iter().map(of).collect());
@@ -197,7 +197,9 @@ impl ExtractedStudy {
         let header = Header::parse(&header).map_err(|(found, allowed)| wrong(found, allowed))?;
         let content = |text: &str| {
             let hash = ContentHash::from_hex(text);
-            hash.ok_or_else(|| wrong(format!("`{text}`"), "a SHA-256 of 64 hexadecimal digits".into()))
+            hash.ok_or_else(|| {
+                wrong(format!("has the hash `{text}`"), "it must be a SHA-256 of 64 hexadecimal digits".into())
+            })
         };
         let mut table = Table { path, columns };
         let (places, mos, weight) = (table.counts("place")?, table.numbers("mos")?, table.numbers("weight")?);
@@ -208,7 +210,8 @@ impl ExtractedStudy {
         let rows = places.len();
         let text = |name: &str, row: usize| texts.get(name).and_then(|t| t.get(row)).cloned().flatten();
         let needed = |name: &str, row: usize| {
-            text(name, row).ok_or_else(|| wrong(format!("no {name} in row {row}"), "text in every row".into()))
+            text(name, row)
+                .ok_or_else(|| wrong(format!("has no {name} in row {row}"), "every row must have one".into()))
         };
         let pair = |row: usize| -> Result<RatedPair, DatasetError> {
             Ok(RatedPair {
@@ -233,14 +236,16 @@ impl ExtractedStudy {
             Ok(Array2::from_shape_fn((rows, columns.len()), |(row, column)| columns[column][row]))
         };
         let (values, exchanged) = (matrix("")?, matrix(EXCHANGED)?);
-        let of_rows = |e: super::SamplesError| wrong(e.to_string(), "the numbers of a study".into());
+        let of_rows = |e: super::SamplesError| {
+            wrong(format!("holds wrong numbers ({e})"), "it must hold the numbers of a study".into())
+        };
         let samples = Samples::new(header.columns.clone(), pairs.iter().map(RatedPair::row).collect(), values)
             .and_then(|samples| samples.with_swapped(exchanged))
             .map_err(of_rows)?;
         let distinct: BTreeSet<usize> = places.iter().copied().filter(|&place| place < header.pairs).collect();
         if distinct.len() != rows || (header.shard == Shard::WHOLE && rows != header.pairs) {
-            let found = format!("{rows} rows at {} places of {}", distinct.len(), header.pairs);
-            return Err(wrong(found, "every row at a place of its own, and a whole study with all of its rows".into()));
+            let found = format!("has {rows} rows at {} places of {}", distinct.len(), header.pairs);
+            return Err(wrong(found, "each row must have its own place, and a whole study all of its rows".into()));
         }
         let file = |f: &File| {
             Ok(StudyFile { name: f.name.clone(), content: content(&f.sha256)?, as_published: f.as_published })
@@ -267,8 +272,8 @@ impl ExtractedStudy {
         }
         Err(DatasetError::Content {
             place: place.to_owned(),
-            found: format!("shard {shard}"),
-            allowed: format!("the whole study; join all {count} with `vernis merge`"),
+            found: format!("is shard {shard}"),
+            allowed: format!("the whole study is needed: join all {count} with `vernis merge`"),
         })
     }
 
@@ -279,17 +284,22 @@ impl ExtractedStudy {
     /// those of `metrics`.
     pub fn check_versions(&self, metrics: &[Arc<dyn Metric>], place: &str) -> Result<(), DatasetError> {
         let wrong = |found: String, allowed: String| DatasetError::Content { place: place.to_owned(), found, allowed };
-        SetupId::known(&self.versions.setup).map_err(|e| wrong(e.to_string(), "descriptors of this program".into()))?;
+        SetupId::known(&self.versions.setup)
+            .map_err(|e| wrong(format!("has other descriptors ({e})"), "it must have those of this program".into()))?;
         let columns = self.samples.columns();
         if let Some(missing) = DescriptorSet::extended().columns().iter().find(|column| !columns.contains(column)) {
-            return Err(wrong(format!("no column {}", missing.name), "all of this version; extract again".into()));
+            return Err(wrong(
+                format!("has no column {}", missing.name),
+                "it must have all of this version: extract again".into(),
+            ));
         }
         for metric in metrics {
             let (name, version) = (metric.name(), metric.version());
             let found = self.versions.metrics.get(name).map(String::as_str);
             if found != Some(version) {
-                let found = found.map_or_else(|| format!("no {name}"), |found| format!("{name} of version {found}"));
-                return Err(wrong(found, format!("{name} of version {version}; extract again")));
+                let found =
+                    found.map_or_else(|| format!("has no {name}"), |found| format!("has {name} of version {found}"));
+                return Err(wrong(found, format!("it must have {name} of version {version}: extract again")));
             }
         }
         Ok(())
@@ -306,7 +316,11 @@ impl ExtractedStudy {
             allowed,
         };
         let Some((first_name, first)) = parts.first() else {
-            return Err(wrong("merge", "no file".into(), "the files of all shards of a study".into()));
+            return Err(wrong(
+                "merge",
+                "was given no file".into(),
+                "it needs the files of all shards of a study".into(),
+            ));
         };
         let common = |part: &Self| Header { shard: Shard::WHOLE, ..part.header() };
         let expected = common(first);
@@ -315,22 +329,22 @@ impl ExtractedStudy {
             let found = common(part);
             if found != expected || part.shard.count() != first.shard.count() {
                 let what = expected.difference(&found).unwrap_or("number of shards");
-                let allowed = format!("the {what} of {first_name}, so that they are shards of one study");
-                return Err(wrong(name, format!("another {what}"), allowed));
+                let allowed = format!("all shards of a study must have the same {what}");
+                return Err(wrong(name, format!("has another {what} than {first_name}"), allowed));
             }
             if let Some(other) = seen.insert(part.shard.number(), name) {
                 return Err(wrong(
                     name,
-                    format!("shard {} again, as in {other}", part.shard),
-                    "each shard once".into(),
+                    format!("is shard {}, as is {other}", part.shard),
+                    "each shard must be given once".into(),
                 ));
             }
         }
         let missing: Vec<String> =
             (1..=first.shard.count()).filter(|k| !seen.contains_key(k)).map(|k| k.to_string()).collect();
         if !missing.is_empty() {
-            let found = format!("no shard {} of {}", missing.join(", "), first.shard.count());
-            return Err(wrong("merge", found, "the files of all shards".into()));
+            let found = format!("was given no shard {} of {}", missing.join(", "), first.shard.count());
+            return Err(wrong("merge", found, "it needs the files of all shards".into()));
         }
         let mut order: Vec<(usize, usize, usize)> = Vec::new();
         for (number, (_, part)) in parts.iter().enumerate() {
@@ -339,8 +353,8 @@ impl ExtractedStudy {
         order.sort_unstable();
         let whole = first.whole;
         if !order.iter().map(|(place, _, _)| *place).eq(0..whole) {
-            let found = format!("{} rows, some missing or there twice", order.len());
-            return Err(wrong("merge", found, format!("one row for each of the {whole} pairs")));
+            let found = format!("was given {} rows, some missing or repeated", order.len());
+            return Err(wrong("merge", found, format!("it needs one row for each of the {whole} pairs")));
         }
         let matrix = |of: &dyn Fn(&Samples) -> Option<ArrayView2<'_, f64>>| -> Option<Array2<f64>> {
             let views: Vec<ArrayView2<'_, f64>> = parts.iter().map(|(_, p)| of(&p.samples)).collect::<Option<_>>()?;
@@ -350,7 +364,9 @@ impl ExtractedStudy {
                 views[number][(row, column)]
             }))
         };
-        let refused = |e: String| wrong("merge", e, "the numbers of a study".into());
+        let refused = |e: String| {
+            wrong("merge", format!("was given wrong numbers ({e})"), "it needs the numbers of a study".into())
+        };
         let values = matrix(&|samples| Some(samples.features())).ok_or_else(|| refused("no numbers".into()))?;
         let exchanged = matrix(&|samples| samples.swapped()).ok_or_else(|| refused("no exchanged pairs".into()))?;
         let of = |&(_, number, row): &(usize, usize, usize)| (&parts[number].1, row);
@@ -381,15 +397,15 @@ impl Header {
             readable_from: String,
         }
         let unreadable = |e: serde_json::Error| {
-            (format!("a header that cannot be read ({e})"), "a file of `vernis extract`".to_owned())
+            (format!("has a header that cannot be read ({e})"), "it must be a file of `vernis extract`".to_owned())
         };
         let Format { format, readable_from } = serde_json::from_str(text).map_err(unreadable)?;
         match format {
             1..=FORMAT => {}
             newer => {
                 let own = env!("CARGO_PKG_VERSION");
-                let allowed = format!("up to format {FORMAT} in vernis {own}; this file needs vernis {readable_from}");
-                return Err((format!("format {newer}"), allowed));
+                let allowed = format!("vernis {own} reads up to format {FORMAT}: use vernis {readable_from} or later");
+                return Err((format!("has format {newer}"), allowed));
             }
         }
         let header: Self = serde_json::from_str(text).map_err(unreadable)?;
@@ -422,8 +438,8 @@ impl Table<'_> {
         let missing = if found.is_some() { "another kind of column" } else { "no column" };
         found.and_then(kind).ok_or_else(|| DatasetError::Content {
             place: self.path.display().to_string(),
-            found: format!("{missing} {name}"),
-            allowed: "the columns that its header names".to_owned(),
+            found: format!("has {missing} {name}"),
+            allowed: "it must have the columns that its header names".to_owned(),
         })
     }
 

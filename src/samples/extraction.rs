@@ -24,6 +24,7 @@ use vernis_metric::metric::{Metric, MetricError};
 /// Why a study could not be turned into numbers.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExtractionError {
     #[error(transparent)]
     Descriptor(#[from] DescriptorError),
@@ -33,7 +34,7 @@ pub enum ExtractionError {
     Distance { reference: String, candidate: String, source: Box<MetricError> },
     #[error(transparent)]
     Samples(#[from] SamplesError),
-    #[error("{found} numbers were computed, expected {expected}")]
+    #[error("{found} numbers were computed; there must be {expected}")]
     Incomplete { found: usize, expected: usize },
 }
 

@@ -19,17 +19,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use vernis_metric::descriptor::Column;
 
+/// Why a table of samples cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum SamplesError {
-    #[error("{what}: found {found}, expected {expected}")]
+    #[error("the number of {what} is {found}; it must be {expected}")]
     Shape { what: &'static str, found: usize, expected: usize },
-    #[error("column {name} stands twice; every descriptor has its own name")]
+    #[error("column {name} is given twice; every descriptor must have its own name")]
     DuplicateColumn { name: String },
-    #[error("row {row}: material {material} is in group {found}, but its other rows are in {expected}")]
+    #[error("row {row}: material {material} is in group {found}; it must be in {expected}, as in its other rows")]
     TwoGroups { row: usize, material: String, found: String, expected: String },
     #[error("row {row} ({material}, {method}): {column} is {value}; every descriptor must be finite")]
     NotFinite { row: usize, material: String, method: String, column: String, value: f64 },
-    #[error("row {row} ({material}, {method}): {what} is {value}; allowed: {allowed}")]
+    #[error("row {row} ({material}, {method}): {what} is {value}; it must be {allowed}")]
     Rating { row: usize, material: String, method: String, what: &'static str, value: f64, allowed: &'static str },
 }
 

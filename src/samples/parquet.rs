@@ -119,25 +119,31 @@ pub fn read(path: &Path, key: &str) -> Result<(String, BTreeMap<String, Values>)
         found,
         allowed: allowed.to_owned(),
     };
-    let broken = |cause: ParquetError| wrong(cause.to_string(), "a whole Parquet file");
+    let broken = |cause: ParquetError| wrong(format!("cannot be read ({cause})"), "it must be a whole Parquet file");
     let unreadable = |e: std::io::Error| DatasetError::Unreadable { path: path.into(), reason: e.to_string() };
     if !is_whole(&read_at_most(path, MOST_BYTES).map_err(unreadable)?) {
-        let allowed = "a Parquet file as `vernis extract` or `vernis merge` wrote it";
-        return Err(wrong("no seal, or one of other bytes: damaged, cut off, or of another origin".into(), allowed));
+        let allowed = "it must be a Parquet file as `vernis extract` or `vernis merge` wrote it";
+        return Err(wrong("has no valid seal (it is damaged, cut off, or of another origin)".into(), allowed));
     }
     let file = File::open(path).map_err(unreadable)?;
     let reader = SerializedFileReader::new(file).map_err(broken)?;
     let metadata = reader.metadata().file_metadata();
     let header = metadata.key_value_metadata().into_iter().flatten().find(|pair| pair.key == key);
     let header = header.and_then(|pair| pair.value.clone());
-    let header = header.ok_or_else(|| wrong(format!("no `{key}` in its metadata"), "a file of `vernis extract`"))?;
+    let header = header
+        .ok_or_else(|| wrong(format!("has no `{key}` in its metadata"), "it must be a file of `vernis extract`"))?;
     let mut columns: Vec<(String, Values)> = Vec::new();
     for field in metadata.schema().get_fields() {
         let empty = match field.is_primitive().then(|| field.get_physical_type()) {
             Some(Physical::BYTE_ARRAY) => Values::Text(Vec::new()),
             Some(Physical::DOUBLE) => Values::Number(Vec::new()),
             Some(Physical::INT64) => Values::Count(Vec::new()),
-            _ => return Err(wrong(format!("column {} of another kind", field.name()), "text, double, int64")),
+            _ => {
+                return Err(wrong(
+                    format!("has column {} of another kind", field.name()),
+                    "it must be text, double or int64",
+                ));
+            }
         };
         columns.push((field.name().to_owned(), empty));
     }
@@ -150,8 +156,8 @@ pub fn read(path: &Path, key: &str) -> Result<(String, BTreeMap<String, Values>)
                 (Values::Number(numbers), Field::Double(value)) => numbers.push(*value),
                 (Values::Count(counts), Field::Long(value)) if *value >= 0 => counts.push(*value as usize),
                 (_, other) => {
-                    let found = format!("{other} in column {name}, row {number}");
-                    return Err(wrong(found, "text, a number, or a count of at least 0, as the schema has it"));
+                    let found = format!("has {other} in column {name}, row {number}");
+                    return Err(wrong(found, "it must be text, a number, or a count of at least 0, as in the schema"));
                 }
             }
         }

@@ -44,7 +44,7 @@ impl FromStr for Shard {
         let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
         match parts {
             Some((number, count)) if (1..=count).contains(&number) => Ok(Self { number, count }),
-            _ => Err(format!("found `{text}`, allowed: NUMBER/COUNT with NUMBER from 1 to COUNT, such as 3/8")),
+            _ => Err(format!("shard is `{text}`; it must be NUMBER/COUNT with NUMBER from 1 to COUNT, such as 3/8")),
         }
     }
 }
@@ -96,7 +96,7 @@ mod tests {
         assert_eq!("3/8".parse::<Shard>().unwrap().to_string(), "3/8");
         for wrong in ["0/8", "9/8", "1/0", "3", "a/8", "3/8/1", "-1/8", ""] {
             let message = wrong.parse::<Shard>().unwrap_err();
-            assert!(message.contains(&format!("found `{wrong}`, allowed: NUMBER/COUNT")), "{message}");
+            assert!(message.contains(&format!("shard is `{wrong}`; it must be NUMBER/COUNT")), "{message}");
         }
     }
 }

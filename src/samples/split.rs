@@ -11,11 +11,14 @@ use vernis_metric::descriptor::Column;
 use vernis_metric::math::resampling::places;
 use vernis_metric::math::seed;
 
+/// Why a study could not be split into folds.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum SplitError {
     #[error("{folds} folds need at least {folds} groups of materials, but the study has {groups}")]
     TooFewGroups { folds: usize, groups: usize },
-    #[error("a cross-validation needs at least 2 folds, found {folds}")]
+    #[error("the number of folds is {folds}; it must be at least 2")]
     TooFewFolds { folds: usize },
     #[error("the {side} side of the split is empty ({what})")]
     EmptySide { side: &'static str, what: String },

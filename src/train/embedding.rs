@@ -37,10 +37,10 @@ impl PrincipalComponents {
             return Err(TrainError::TooFewRows { trainer: NAME.into(), found: rows.nrows(), needed: 3 });
         }
         if count == 0 || count > rows.ncols().min(rows.nrows() - 1) {
-            return option("the number of components", count as f64, "1 to the lesser of columns and rows - 1");
+            return option("the number of components", count as f64, "1 to the smaller of columns and rows - 1");
         }
         if let Some(&value) = rows.iter().find(|v| !v.is_finite()) {
-            return option("a cell of the matrix", value, "finite numbers");
+            return option("a cell of the matrix", value, "finite");
         }
         let mean = rows.sum_axis(Axis(0)) / rows.nrows() as f64;
         let total: f64 = rows.outer_iter().map(|r| (&r - &mean).mapv(|v| v * v).sum()).sum();

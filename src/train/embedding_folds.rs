@@ -25,7 +25,10 @@ const DIMENSION: usize = 8;
 /// The logarithms that embeddings are learned from.
 const SPACE: LogSpace = LogSpace::Opponent;
 
+/// Why the embeddings of the folds could not be learned.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum EmbeddingError {
     #[error(transparent)]
     Descriptor(#[from] DescriptorError),
@@ -35,7 +38,7 @@ pub enum EmbeddingError {
     Samples(#[from] SamplesError),
     #[error(transparent)]
     Split(#[from] SplitError),
-    #[error("embedding {name}: {found} columns for {expected} rows")]
+    #[error("embedding {name}: {found} columns do not fit {expected} rows")]
     Shape { name: &'static str, found: usize, expected: usize },
 }
 

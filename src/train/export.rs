@@ -9,6 +9,7 @@ use vernis_metric::metric::learned::{ExportedError, ExportedMetric, Regressor};
 /// Why a model could not be exported.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExportError {
     #[error(transparent)]
     Train(#[from] Box<TrainError>),

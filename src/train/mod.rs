@@ -38,9 +38,12 @@ pub const IDENTITY_MOS: f64 = 4.5;
 /// Inner folds for every choice that a trainer makes.
 pub const INNER_FOLDS: usize = 5;
 
+/// Why a trainer could not make a model.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum TrainError {
-    #[error("{trainer}: training needs at least {needed} rows, found {found}")]
+    #[error("{trainer}: the training set has {found} rows; it must have at least {needed}")]
     TooFewRows { trainer: String, found: usize, needed: usize },
     #[error("{trainer}: all {rows} ratings are equal ({value}); there is nothing to learn")]
     EqualRatings { trainer: String, rows: usize, value: f64 },
@@ -48,7 +51,7 @@ pub enum TrainError {
     NoDifference { trainer: String },
     #[error("{trainer}: column {column} does not exist; the training set has {available} columns")]
     UnknownColumn { trainer: String, column: String, available: usize },
-    #[error("{trainer}: {what} is {value}; allowed: {allowed}")]
+    #[error("{trainer}: {what} is {value}; it must be {allowed}")]
     Option { trainer: String, what: &'static str, value: f64, allowed: &'static str },
     #[error("{trainer}: the {size}x{size} system of {what} is singular")]
     Singular { trainer: String, what: &'static str, size: usize },

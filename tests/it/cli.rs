@@ -248,7 +248,7 @@ fn damaged_tables_are_named_with_what_is_wrong() {
     let cases: [(&str, &[u8], &[&str]); 5] = [
         ("cut.binary", &good[..good.len() / 2], &["the file has 17496006 bytes", "34992012"]),
         ("long.binary", &[&good[..], &[0]].concat(), &["the file has 34992013 bytes", "34992012"]),
-        ("header.binary", &header, &["header says 90x90x181", "90x90x180 or 90x90x360"]),
+        ("header.binary", &header, &["the header says 90x90x181", "90x90x180 or 90x90x360"]),
         ("nan.binary", &with_cell(f64::NAN), &["G plane", "theta_h 45", "holds NaN", "finite"]),
         ("cut.titopoh", &good[..1000], &["the file has 1000 bytes", "4374000"]),
     ];
@@ -273,10 +273,10 @@ fn what_does_not_exist_brings_the_nearest_names() {
         (["some.fit:teflom", "D1"], &["some.fit: ", "no material `teflom`", "teflon"][..]),
         (["ggx.json", "D9.Lc"], &["no metric `D9.Lc`", "similar: D9.Cl"]),
         (["ggx.json", "all-pl"], &["no metric `all-pl`", "all-lp"]),
-        (["odd.json", "D1"], &["odd.json: unknown model `wrad`", "did you mean ward", "allowed: lambert"]),
+        (["odd.json", "D1"], &["odd.json: unknown model `wrad`", "did you mean ward", "the models are lambert"]),
         (["extra.json", "D1"], &["extra.json: ward has no parameter `alhpa`", "did you mean alpha", "kd, ks, alpha"]),
         (["nowhere.binary", "D1"], &["nowhere.binary: no such file; looked for nowhere.binary"]),
-        (["ggx.txt", "D1"], &["`ggx.txt` is not a BRDF source", "extension `txt`", "allowed: PATH.binary"]),
+        (["ggx.txt", "D1"], &["`ggx.txt` is not a BRDF source", "extension `txt`", "write it as PATH.binary"]),
         (["ggx.json", "nowhere.vernis.json"], &["nowhere.vernis.json: cannot be read", "No such file"]),
         (["ggx.json", "ward.json"], &["ward.json, line 1", "not an exported metric"]),
     ] {
@@ -292,7 +292,10 @@ fn csv_files_of_pairs_are_refused_by_line() {
             "reference,other\nward.json,ggx.json\n",
             &["pairs.csv, line 1: no column `candidate`", "reference, other"][..],
         ),
-        ("reference,candidate\nward.json,ggx.json\n\nward.json\n", &["pairs.csv, line 4: 1 fields, the header has 2"]),
+        (
+            "reference,candidate\nward.json,ggx.json\n\nward.json\n",
+            &["pairs.csv, line 4: the row has 1 fields; it must have 2"],
+        ),
         ("reference,candidate\nward.json,\n", &["pairs.csv, line 2: `candidate` is empty"]),
         ("reference,candidate\nward.json,no.binary\n", &["pairs.csv, line 2: no.binary: no such file"]),
         ("reference,candidate\n", &["pairs.csv: no pair after the header"]),
@@ -315,9 +318,9 @@ fn an_output_that_cannot_be_written_is_found_before_the_work() {
     place.write("pairs.csv", "reference,candidate\nno.binary,no.binary\n");
     place.write("file", "");
     let out = |out: &str| place.mistake(&["score", "pairs.csv", "-m", "D1", "--out", out]);
-    assert_says(&out("file/scores.csv"), &["file: cannot write there", "allowed: a folder"]);
+    assert_says(&out("file/scores.csv"), &["file: cannot write there", "it must be a folder"]);
     fs::create_dir(place.path("folder")).expect("writable");
-    assert_says(&out("folder"), &["--out folder: found a folder", "allowed: the name of a file"]);
+    assert_says(&out("folder"), &["--out folder is a folder", "it must be the name of a file"]);
     // Earlier results stay when the new ones cannot be computed.
     place.write("scores.csv", "earlier");
     assert_says(&out("scores.csv"), &["pairs.csv, line 2: no.binary: no such file"]);
@@ -341,7 +344,7 @@ fn an_exported_metric_of_a_newer_format_or_of_damaged_shape_is_refused() {
         &["m.vernis.json: format 99 is newer than this program, which reads up to 1"],
     );
     refused(&|v| v["descriptors"]["setup"] = json!("v0"), &["m.vernis.json: descriptors of setup v0"]);
-    refused(&|v| v["interval"]["factor"] = json!(-1), &["m.vernis.json: ", "interval is -1; allowed: 0 or more"]);
+    refused(&|v| v["interval"]["factor"] = json!(-1), &["m.vernis.json: ", "interval is -1; it must be 0 or more"]);
     refused(&|v| v["regressor"]["terms"] = json!([]), &["m.vernis.json: ", "has no term"]);
     place.write("m.vernis.json", &text[..text.len() / 2]);
     let message = place.mistake(&["compare", "ward.json", "ggx.json", "-m", "m.vernis.json"]);
@@ -357,7 +360,7 @@ fn options_out_of_range_are_refused() {
     let place = Place::new();
     for threads in ["0", "200000"] {
         let message = place.mistake(&["metrics", "--threads", threads]);
-        assert_says(&message, &[&format!("--threads: found {threads}, allowed 1 to 1024")]);
+        assert_says(&message, &[&format!("--threads is {threads}; it must be 1 to 1024")]);
     }
     place.write("file", "");
     let message = place.mistake(&["describe", "ward.json", "--cache", "file/cache"]);
@@ -401,8 +404,8 @@ mod training {
         refused(&few, &["study", "4 groups", "10 folds need at least 10"]);
         let equal: String = (1..=12).map(|i| row(&format!("ward.json?alpha=0.{i:02}"), 0.2, 3.0)).collect();
         refused(&equal, &["study", "all 12 ratings are 3"]);
-        refused("ward.json,ggx.json\n", &["study.csv: line 2", "the number of fields is 2; allowed: 3"]);
-        refused("ward.json,ggx.json,6\n", &["study.csv: line 2: mos is `6`; allowed: 1"]);
+        refused("ward.json,ggx.json\n", &["study.csv, line 2", "the number of fields is 2; it must be 3"]);
+        refused("ward.json,ggx.json,6\n", &["study.csv, line 2: mos is `6`; it must be 1"]);
         refused("", &["study", "no usable pair"]);
     }
 
@@ -413,7 +416,7 @@ mod training {
         let message = place.mistake(&["train", "--study", "synthetic", "--out", "file/results"]);
         assert_says(&message, &["file/results: cannot write there"]);
         let message = place.mistake(&["train", "--study", "sinthetic", "--out", "results"]);
-        assert_says(&message, &["unknown study `sinthetic`", "nearest: synthetic"]);
+        assert_says(&message, &["unknown study `sinthetic`", "did you mean synthetic"]);
         assert!(!place.path("results").exists());
     }
 }

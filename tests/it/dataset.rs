@@ -122,7 +122,7 @@ fn a_bad_csv_file_is_one_message_with_its_line() {
         ("", "column `reference` is missing"),
         ("reference,candidate,mos\n", "has no row"),
         ("reference,candidate,mos\na.binary,b.binary,4\na.binary,c.binary\n", "line 3: the number of fields is 2"),
-        ("reference,candidate,mos\na.binary,b.binary,six\n", "line 2: mos is `six`; allowed: 1 (very poor) to 5"),
+        ("reference,candidate,mos\na.binary,b.binary,six\n", "line 2: mos is `six`; it must be 1 (very poor) to 5"),
         ("reference,candidate,mos\na.binary,b.docx,4\n", "line 2: candidate: `b.docx` is not a BRDF source"),
     ] {
         let found = load(text);
@@ -168,7 +168,7 @@ fn ratings_of_a_folder_become_the_open_study() {
 
     write("lavoue2021/PerceptualDistances.csv", "METHOD;BRDF;DISTANCE\nWARD;steel;0.1\nWARD;brass;\n");
     let text = message(Study::load("lavoue2021-open", Some(dir.path())));
-    assert!(text.contains("PerceptualDistances.csv: line 3: DISTANCE is ``; allowed: 0 to 1"), "{text}");
+    assert!(text.contains("PerceptualDistances.csv, line 3: DISTANCE is ``; it must be 0 to 1"), "{text}");
 }
 
 #[test]

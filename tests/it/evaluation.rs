@@ -119,7 +119,7 @@ fn a_model_that_memorises_gains_nothing_from_shuffled_ratings() {
     let shuffled = shuffled(&samples);
     let folds = grouped_folds(&shuffled, 5, 1).unwrap();
     let none = srocc(&shuffled, &cross_validate(&shuffled, &folds, &Nearest, 1).unwrap());
-    // 240 rows: a standard error of .065 under independence.
+    // 240 rows: a standard error of 0.065 under independence.
     assert!(none.abs() < 0.2, "{none}");
 }
 
@@ -174,7 +174,7 @@ fn folds_that_miss_a_row_are_refused() {
     let error = cross_validate_distance(&samples, &folds[1..], "good").unwrap_err();
     assert!(matches!(error, EvaluationError::Coverage { times: 0, .. }), "{error}");
     let error = cross_validate_distance(&samples, &folds, "missing").unwrap_err();
-    assert_eq!(error.to_string(), "no column is called missing among the 2 of the samples");
+    assert_eq!(error.to_string(), "there is no column missing among the 2 columns of the samples");
 }
 
 #[test]
@@ -222,7 +222,7 @@ fn judged_metrics_differ_as_they_should() {
         }
     }
     let error = jury.differences(&metrics, &[("good", "bad")], &figures).unwrap_err().to_string();
-    assert_eq!(error, "no metric is called bad; judged are good, poor");
+    assert_eq!(error, "there is no metric bad; the judged metrics are good, poor");
 
     let ablation = jury.ablation("only poor", 1, &metrics[0], &metrics[1].judged);
     assert!(ablation.srocc_change.unwrap().interval.high < 0.0);

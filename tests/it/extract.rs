@@ -125,9 +125,9 @@ fn shards_are_merged_into_the_bytes_of_the_whole() {
     refused(
         place.path(),
         &["benchmark", "--extracted", first],
-        &["mine-1-of-2.parquet: found shard 1/2, allowed: the whole study; join all 2 with `vernis merge`"],
+        &["mine-1-of-2.parquet is shard 1/2, but the whole study is needed: join all 2 with `vernis merge`"],
     );
-    refused(place.path(), &["merge", first, "--out", "none.parquet"], &["found no shard 2 of 2"]);
+    refused(place.path(), &["merge", first, "--out", "none.parquet"], &["was given no shard 2 of 2"]);
     assert!(!place.path().join("none.parquet").exists());
 }
 
@@ -287,22 +287,25 @@ fn what_is_no_set_of_shards_is_not_merged() {
         ExtractedStudy::merge(named).unwrap_err().to_string()
     };
     let [first, second] = [part("1/2"), part("2/2")];
-    assert_eq!(merge(&[]), "merge: found no file; allowed: the files of all shards of a study");
-    assert_eq!(merge(std::slice::from_ref(&second)), "merge: found no shard 1 of 2; allowed: the files of all shards");
-    assert!(merge(&[first.clone(), first.clone()]).starts_with("1.parquet: found shard 1/2 again, as in 0.parquet"));
-    assert!(merge(&[first.clone(), part("2/3")]).contains("1.parquet: found another number of shards"));
+    assert_eq!(merge(&[]), "merge was given no file, but it needs the files of all shards of a study");
+    assert_eq!(
+        merge(std::slice::from_ref(&second)),
+        "merge was given no shard 1 of 2, but it needs the files of all shards"
+    );
+    assert!(merge(&[first.clone(), first.clone()]).starts_with("1.parquet is shard 1/2, as is 0.parquet"));
+    assert!(merge(&[first.clone(), part("2/3")]).contains("1.parquet has another number of shards"));
     let mut other = second.clone();
     other.versions.metrics.insert("D9.Cl".into(), "3".into());
-    assert!(merge(&[first.clone(), other]).contains("1.parquet: found another version of the numbers"));
+    assert!(merge(&[first.clone(), other]).contains("1.parquet has another version of the numbers"));
     let mut other = second.clone();
     other.study.files[0].content = ContentHash::of(b"other");
-    assert!(merge(&[first.clone(), other]).contains("found another set of ratings"));
+    assert!(merge(&[first.clone(), other]).contains("has another set of ratings than 0.parquet"));
     let mut other = second.clone();
     other.samples = other.samples.select_columns(|c| c.name != "D9.Cl");
-    assert!(merge(&[first.clone(), other]).contains("found another set of columns"));
+    assert!(merge(&[first.clone(), other]).contains("has another set of columns than 0.parquet"));
     let mut other = second;
     other.places = first.places.clone();
-    assert!(merge(&[first, other]).contains("4 rows, some missing or there twice"));
+    assert!(merge(&[first, other]).contains("4 rows, some missing or repeated"));
 }
 
 #[test]
@@ -312,31 +315,31 @@ fn files_that_are_none_are_named() {
     refused(
         place.path(),
         &["merge", "text.parquet", "--out", "all.parquet"],
-        &["text.parquet: found no seal", "Parquet file as `vernis extract`"],
+        &["text.parquet has no valid seal", "Parquet file as `vernis extract`"],
     );
     refused(place.path(), &["merge", "none.parquet", "--out", "all.parquet"], &["none.parquet"]);
-    refused(place.path(), &["merge", "text.parquet", "--out", "."], &["--out .: found a folder"]);
+    refused(place.path(), &["merge", "text.parquet", "--out", "."], &["--out . is a folder"]);
     refused(
         place.path(),
         &["extract", "--study", "synthetic", "--shard", "4/3"],
-        &["found `4/3`, allowed: NUMBER/COUNT"],
+        &["shard is `4/3`; it must be NUMBER/COUNT"],
     );
     write(place.path(), "old.parquet", &small());
     refused(
         place.path(),
         &["benchmark", "--extracted", "old.parquet"],
-        &["old.parquet: found descriptors v1-lamps-sphere and distances lp 2, allowed:"],
+        &["old.parquet has no column ", "extract again"],
     );
     refused(place.path(), &["train", "--extracted", "old.parquet", "--study", "synthetic"], &["cannot be used with"]);
     refused(
         place.path(),
         &["train", "--extracted", "old.parquet", "--resamples", "39"],
-        &["'39' for '--resamples", "allowed: an integer of at least 40"],
+        &["'39' for '--resamples", "it must be an integer of at least 40"],
     );
     let mut wrong = small();
     wrong.whole = 5;
     let error = ExtractedStudy::load(&write(place.path(), "wrong.parquet", &wrong)).unwrap_err().to_string();
-    assert!(error.contains("wrong.parquet: found 4 rows at 4 places of 5"), "{error}");
+    assert!(error.contains("wrong.parquet has 4 rows at 4 places of 5"), "{error}");
     wrong = small();
     wrong.places = vec![0, 1, 2, 2];
     let error = ExtractedStudy::load(&write(place.path(), "wrong.parquet", &wrong)).unwrap_err().to_string();
@@ -359,7 +362,7 @@ proptest! {
         let path = place.path().join("damaged.parquet");
         fs::write(&path, &bytes).unwrap();
         match ExtractedStudy::load(&path) {
-            Err(error) => prop_assert!(error.to_string().contains("damaged.parquet: found no seal"), "{error}"),
+            Err(error) => prop_assert!(error.to_string().contains("damaged.parquet has no valid seal"), "{error}"),
             Ok(_) => prop_assert!(bytes == whole),
         }
     }

@@ -69,16 +69,13 @@ fn mistakes_at_the_command_line_are_named() {
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--metric", "all-lp", "--out", "a.json"]);
     assert!(text.contains("several metrics"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--start", "ward.json", "--out", "a.json"]);
-    assert!(text.contains("found a ward-duer, allowed: parameters of ggx"), "{text}");
+    assert!(text.contains("is a ward-duer; it must hold parameters of ggx"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--out", "a.txt"]);
-    assert!(text.contains("allowed: the name of a .json file"), "{text}");
+    assert!(text.contains("it must be the name of a .json file"), "{text}");
     let newer = r#"{"format": 2, "model": "ggx", "coefficients": []}"#;
     std::fs::write(place.0.path().join("newer.json"), newer).expect("writable");
     let text = place.mistake(&["compare", "ward.json", "newer.json", "--metric", "D1"]);
-    assert!(
-        text.contains("newer.json: format: found 2, allowed is 1 to 1; a newer file needs a newer vernis"),
-        "{text}"
-    );
+    assert!(text.contains("newer.json: format is 2; it must be 1 to 1 in vernis"), "{text}");
     assert!(!place.0.path().join("a.json").exists());
 }
 
@@ -115,7 +112,7 @@ fn a_study_is_refitted_and_a_second_run_keeps_what_is_there() {
     assert_eq!(std::fs::metadata(&path).and_then(|m| m.modified()).expect("a file"), written);
     assert_eq!(std::fs::read(place.0.path().join("refits/refit.csv")).expect("a table"), csv);
     let text = place.mistake(&["refit", "--study", "pairs.csv", "--method", "WART", "--out", "refits"]);
-    assert!(text.contains("--method: found WART, allowed: ABC, WARD"), "{text}");
+    assert!(text.contains("--method is WART; it must be one of ABC, WARD"), "{text}");
 }
 
 #[test]
@@ -149,9 +146,9 @@ fn samples_of_a_manifold_are_written_and_leave_their_reference() {
         (compared["distances"]["D9.Cl"].as_f64().expect("a number"), last[2].parse::<f64>().expect("a number"));
     assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
     let text = String::from_utf8(manifold(&["--material", "ggx.json", "--dimension", "0"]).stderr).expect("UTF-8");
-    assert!(text.contains("allowed: an integer of at least 1"), "{text}");
+    assert!(text.contains("it must be an integer of at least 1"), "{text}");
     let text = String::from_utf8(manifold(&["--material", "teflon"]).stderr).expect("UTF-8");
-    assert!(text.contains("--material: found teflon, allowed: ggx.json, ward.json"), "{text}");
+    assert!(text.contains("--material is teflon; it must be one of ggx.json, ward.json"), "{text}");
 }
 
 /// The study's own samples, `MATERIAL.1` to `MATERIAL.6` among its tables, are candidates with their ratings.

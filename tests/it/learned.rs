@@ -136,7 +136,7 @@ fn files_of_the_future_or_of_other_descriptors_are_refused() {
     );
     let family = tampered(|v| v["descriptors"]["set"]["families"][0] = "holograms".into());
     assert!(matches!(family, ExportedError::UnknownFamily { .. }), "{family}");
-    assert!(family.to_string().contains("`holograms` is unknown; known: lights, slot"), "{family}");
+    assert!(family.to_string().contains("`holograms` is unknown; the families are lights, slot"), "{family}");
     let setup = tampered(|v| v["descriptors"]["setup"] = "v99".into());
     assert!(
         setup.to_string().contains("unknown descriptors `v99`; this program knows v1-lamps-sphere, and"),

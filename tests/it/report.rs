@@ -318,5 +318,8 @@ fn the_page_of_a_study_shows_its_ratings_and_says_what_is_missing() {
     let output = run(&["report", "--study", "synthetic", "--benchmark", "page", "--out", "page"]);
     assert_eq!(output.status.code(), Some(2));
     let error = String::from_utf8(output.stderr).unwrap();
-    assert!(error.contains("benchmark.json: No such file") && error.contains("allowed: the benchmark.json"), "{error}");
+    assert!(
+        error.contains("benchmark.json: No such file") && error.contains("it must be the benchmark.json"),
+        "{error}"
+    );
 }

@@ -39,7 +39,7 @@ fn a_larger_difference_of_roughness_is_a_larger_distance() {
     assert!(distances.is_sorted(), "{distances:?}");
 }
 
-/// In sample, so only that what was exported is what was trained: out of fold the same recipe reaches .87.
+/// In sample, so only that what was exported is what was trained: out of fold the same recipe reaches 0.87.
 #[test_with::env(VERNIS_DATA)]
 #[test]
 fn the_ratings_it_was_trained_on_are_ordered_well() {
@@ -77,7 +77,7 @@ fn triplets_of_different_materials_are_mostly_answered_as_people_do() {
     let triple = |v: &serde_json::Value| -> Vec<usize> {
         v.as_array().unwrap().iter().map(|x| x.as_u64().unwrap() as usize).collect()
     };
-    // Every fourth is enough: 5,700 triplets give a standard error of .006.
+    // Every fourth is enough: 5,700 triplets give a standard error of 0.006.
     let answers = file["answers"].as_array().unwrap().iter().map(triple);
     let votes = file["agreement"].as_array().unwrap().iter().map(triple);
     let asked: Vec<(Vec<usize>, Vec<usize>)> =

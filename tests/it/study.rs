@@ -99,7 +99,7 @@ fn agreement_by_halves_by_variance_and_by_spread_is_the_same() {
     // The part of the variance of the means that the truth explains.
     let truth = pearson(&mos, &SESSIONS.quality).unwrap().powi(2);
     assert!(truth < two.average.interval.high && truth > 0.9 * two.average.value, "{truth} {two:?}");
-    // One observer: noise .65^2, bias .3^2 and rounding 1/12 leave the rest of the variance of the grades to the pairs.
+    // One observer: noise 0.65^2, bias 0.3^2 and rounding 1/12 leave the rest of the variance of the grades to the pairs.
     let variance = mean(&SESSIONS.quality.iter().map(|q| (q - mean(&SESSIONS.quality)).powi(2)).collect::<Vec<_>>());
     let single = variance / (variance + 0.4225 + 0.09 + 1.0 / 12.0);
     assert!((two.single.value - single).abs() < 0.06, "{single} {two:?}");
@@ -179,7 +179,7 @@ fn what_a_study_lacks_is_named() {
     let record = describe(&StudyOpinions { scores: Scores::Means(means), ..opinions }, &Options::default()).unwrap();
     assert_eq!(record.spread, Spread::NoiseModel { a: 0.2, raters: 30 });
     for what in ["rater screening", "split-half", "intra-class", "SOS", "standard deviations by material type"] {
-        assert!(why(&record, what).starts_with("only mean scores are at hand"), "{what}: {:?}", record.missing);
+        assert!(why(&record, what).starts_with("only mean scores are given"), "{what}: {:?}", record.missing);
     }
     assert!(record.boxes.iter().all(|set| set.boxes.iter().all(|b| b.interval_width.is_none())));
     // The noise model expects what the panel shows.
@@ -208,9 +208,9 @@ fn published_means_give_what_scipy_and_statsmodels_give() {
     let record = describe(&opinions, &Options::default()).unwrap();
     let (types, table) = (record.material_types.unwrap(), record.anova_two_way.unwrap());
     let interaction = table.term(&["material type", "method"]).unwrap();
-    // Section 5.3 of the paper: types differ, and the interaction is significant with p < .001.
+    // Section 5.3 of the paper: types differ, and the interaction is significant with p < 0.001.
     assert!(types.mos.difference > 0.0 && types.mos.p < 0.05 && interaction.p < 1e-3);
-    // Sections 5.2: split halves .964 (SD .001) and ICC .981, which the noise model has to come near to.
+    // Sections 5.2: split halves 0.964 (SD 0.001) and ICC 0.981, which the noise model has to come near to.
     let reliability = record.expected_reliability.unwrap();
     assert!((reliability.split_half_pearson - 0.964).abs() < 0.008, "{reliability:?}");
     assert!((reliability.signal - 0.981).abs() < 0.004, "{reliability:?}");
@@ -309,15 +309,15 @@ fn wrong_input_is_told_in_one_line() {
     write("data/lavoue2021/MaterialType.csv", "BRDF;Type\nteflon;Dielectric\n");
     for (args, expected) in [
         (&["--ratings", "none.csv"][..], "none.csv"),
-        (&["--ratings", "score.csv"], "score.csv: line 2: score is `7`; allowed: 1 (very poor) to 5 (excellent)"),
-        (&["--ratings", "one.csv"], "one.csv: all scores are of one participant, a; allowed: at least 2"),
-        (&["--ratings", "fast.csv"], "fast: screening rejects all but 0 of 2 participants; allowed: at least 2 left"),
-        (&["--ratings", "good.csv", "--reject", "none,gold"], "--reject: found none,gold, allowed: none alone"),
+        (&["--ratings", "score.csv"], "score.csv, line 2: score is `7`; it must be 1 (very poor) to 5 (excellent)"),
+        (&["--ratings", "one.csv"], "one.csv: all scores are of one participant, a; there must be at least 2"),
+        (&["--ratings", "fast.csv"], "fast: screening rejects all but 0 of 2 participants; it must leave at least 2"),
+        (&["--ratings", "good.csv", "--reject", "none,gold"], "--reject is none,gold; it must be none alone"),
         (&["--ratings", "good.csv", "--out", "file/x"], "file/x: cannot write there"),
         (&["--study", "lavoue2022"], "unknown study `lavoue2022`"),
         (&["--study", "lavoue2021"], "needs a data folder"),
         // Ratings that are there and wrong are not replaced by simulated ones.
-        (&["--data", "data"], "PerceptualDistances.csv: line 2: DISTANCE is `2`"),
+        (&["--data", "data"], "PerceptualDistances.csv, line 2: DISTANCE is `2`"),
     ] {
         let output = run(dir.path(), args);
         let error = String::from_utf8(output.stderr).unwrap();

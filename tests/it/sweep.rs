@@ -209,8 +209,8 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
 fn wrong_settings_of_a_sweep_are_named() {
     let place = tempfile::tempdir().unwrap();
     for (option, value, expected) in [
-        ("--accuracy", "exact", "--accuracy: found exact, allowed: coarse, fast, standard, high"),
-        ("--alpha", ".2", "--alpha: found 0.2, allowed: 0.01, 0.05, 0.1, 1"),
+        ("--accuracy", "exact", "--accuracy is exact; it must be one of coarse, fast, standard, high"),
+        ("--alpha", ".2", "--alpha is 0.2; it must be one of 0.01, 0.05, 0.1, 1"),
         ("--phi", "log:eta=7", "--phi"),
         ("--grid", "6x6", "--grid"),
     ] {

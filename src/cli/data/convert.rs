@@ -10,8 +10,8 @@ use vernis_metric::brdf::{ConversionLoss, Grid, TabulatedBrdf, on_grid};
 
 /// The figures are those of the test `the_losses_that_the_help_states`.
 const LOSSES: &str = "\
-Values are interpolated between samples. What that loses, for GGX of roughness .2: the median and the 99th percentile of
-the relative difference |a - b| / max(a, b) to the first table after the way there and back:
+Values are interpolated between samples. The loss for GGX of roughness 0.2, converted there and back: the median and the
+99th percentile of the relative difference |a - b| / max(a, b) to the first table:
 
   .binary  -> .titopo  -> .binary     0.00059 and 0.0525
   .binary  -> .titopoh -> .binary     0.00158 and 0.1127
@@ -22,7 +22,7 @@ the relative difference |a - b| / max(a, b) to the first table after the way the
 
 Sharper highlights lose more: MERL resolves a hundredth of a degree around the highlight, Titopo one degree, half Titopo
 two. MERL with 180 columns keeps one of the two values of a pair of directions that is seen from either side. Cells of
-MERL below the horizon have no place in Titopo. The command prints the loss of the table at hand.
+MERL below the horizon have no place in Titopo. The command prints the loss of the converted table.
 
 Examples:
   vernis data convert alum-bronze.binary alum-bronze.titopo
@@ -32,16 +32,16 @@ Examples:
 #[derive(Args)]
 #[command(after_long_help = LOSSES)]
 pub struct ConvertArgs {
-    /// The BRDF, in the notation of every command.
+    /// The BRDF, as `vernis compare --help` describes.
     #[arg(value_name = "IN")]
     input: String,
     /// The table to write: .binary, .titopo or .titopoh.
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Columns of a .binary: 180 (a reciprocal BRDF, what every reader knows) or 360.
+    /// Columns of a .binary: 180 (a reciprocal BRDF, which every reader supports) or 360.
     #[arg(long, value_name = "N", default_value = "180", value_parser = PossibleValuesParser::new(["180", "360"]))]
     phi: String,
-    /// Replace OUT if it is there.
+    /// Replace OUT if it exists.
     #[arg(long)]
     replace: bool,
 }
@@ -49,7 +49,7 @@ pub struct ConvertArgs {
 pub fn run(shared: &Shared, args: ConvertArgs) -> Result<()> {
     let grid = grid_of(&args.output, &args.phi)?;
     if args.output.exists() && !args.replace {
-        return Err(user_error(format!("{}: is there already; allowed with --replace", args.output.display())));
+        return Err(user_error(format!("{} exists already; use --replace to replace it", args.output.display())));
     }
     let open = workspace::open(&args.input, shared.data.as_deref())?;
     let table = on_grid(&*open.brdf, grid).map_err(|e| user_error(format!("{}: {e}", args.input)))?;
@@ -84,7 +84,7 @@ fn grid_of(output: &Path, phi: &str) -> Result<Grid> {
         "titopoh" => Ok(Grid::TITOPO_HALF),
         _ => {
             let path = output.display();
-            Err(user_error(format!("{path}: found the extension `{extension}`; allowed: binary, titopo, titopoh")))
+            Err(user_error(format!("{path} has the extension `{extension}`; it must be binary, titopo or titopoh")))
         }
     }
 }

@@ -16,10 +16,10 @@ use vernis::dataset::{DatasetError, Study, synthetic};
 pub struct FetchArgs {
     /// The study, as `vernis data list` names it.
     study: String,
-    /// Copy from a folder or an address (http://, https:// or file://) that is laid out as a data folder is.
+    /// Copy from a folder or an address (http://, https:// or file://) that is laid out like a data folder.
     #[arg(long, value_name = "DIR|URL")]
     mirror: Option<String>,
-    /// Replace files that are here with another content than the published one, once that has been received.
+    /// Replace files whose content is not the published one, once the published one has been received.
     #[arg(long)]
     replace: bool,
 }
@@ -31,7 +31,7 @@ pub struct FetchArgs {
 pub struct VerifyArgs {
     /// The study [default: all].
     study: Option<String>,
-    /// A missing file is an error too.
+    /// Treat a missing file as an error.
     #[arg(long)]
     complete: bool,
 }

@@ -17,18 +17,18 @@ pub struct DataArgs {
 
 #[derive(Subcommand)]
 enum DataCommand {
-    /// Every known study: what of it is here, under which licence, and where to get the rest.
+    /// List the known studies: which files are here, under which licence, and where to get the rest.
     #[command(after_help = "Examples:\n  vernis data list\n  vernis data list --data ~/brdf-data --json")]
     List {
         /// Print JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Get the pinned files of a study into the data folder; each is compared with its SHA-256 before it is used.
+    /// Get the pinned files of a study into the data folder; each is checked against its SHA-256 before use.
     Fetch(files::FetchArgs),
     /// Compare the files of studies in the data folder with their pinned sizes and SHA-256.
     Verify(files::VerifyArgs),
-    /// Write a BRDF as a table in another file format, and say what is lost.
+    /// Write a BRDF as a table in another file format, and print the loss.
     Convert(convert::ConvertArgs),
 }
 

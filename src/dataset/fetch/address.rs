@@ -37,12 +37,12 @@ impl Mirror {
             "file" => {
                 let path = decoded(rest.strip_prefix("localhost").unwrap_or(rest))
                     .filter(|path| path.starts_with('/'))
-                    .ok_or_else(|| error("allowed after file:// is an absolute path"))?;
+                    .ok_or_else(|| error("an absolute path must follow file://"))?;
                 // file:///C:/data
                 let drive = cfg!(windows) && path.as_bytes().get(2) == Some(&b':');
                 Ok(Self::Folder(if drive { &path[1..] } else { &path[..] }.into()))
             }
-            _ => Err(error("allowed are a folder, file:///PATH, http://HOST/PATH and https://HOST/PATH")),
+            _ => Err(error("it must be a folder, file:///PATH, http://HOST/PATH or https://HOST/PATH")),
         }
     }
 }
@@ -77,7 +77,7 @@ impl Address {
             Some(Mirror::Url(url)) => Self::Http(format!("{url}/{}", encoded(&file.path))),
             None => Self::Http(raw_file(file).ok_or_else(|| DatasetError::Fetch {
                 address: file.source.clone(),
-                reason: format!("no known way to get {} from there; allowed: {GITHUB}OWNER/REPOSITORY", file.path),
+                reason: format!("{} cannot be fetched from there; it must be {GITHUB}OWNER/REPOSITORY", file.path),
             })?),
         })
     }

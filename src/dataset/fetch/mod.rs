@@ -176,10 +176,10 @@ fn once(
     let too_much = |found: String| DatasetError::Content {
         place: address.to_string(),
         found,
-        allowed: file.bytes.map_or(format!("at most {most} bytes"), |b| format!("{b} bytes")),
+        allowed: file.bytes.map_or(format!("it must have at most {most} bytes"), |b| format!("it must have {b} bytes")),
     };
     if let Some(found) = stream.whole.filter(|w| *w > most || file.bytes.is_some_and(|b| b != *w)) {
-        return Err(too_much(format!("{found} bytes")));
+        return Err(too_much(format!("has {found} bytes")));
     }
     part.cut(stream.start)?;
     let mut done = stream.start;
@@ -199,7 +199,7 @@ fn once(
         *received += n as u64;
         if done > most {
             part.cut(0)?;
-            return Err(too_much(format!("more than {most} bytes")));
+            return Err(too_much(format!("has more than {most} bytes")));
         }
         part.append(&piece[..n])?;
     }
@@ -214,12 +214,12 @@ fn open(address: &Address, from: u64) -> Result<Stream, DatasetError> {
         Address::Http(url) => http::open(url, from).map_err(error)?,
         #[cfg(not(feature = "fetch"))]
         Address::Http(_) => {
-            let reason = "this vernis was built without the feature `fetch`; allowed: a folder as mirror";
+            let reason = "this vernis was built without the feature `fetch`; the mirror must be a folder";
             return Err(error(reason.into()));
         }
     };
     if stream.start > from {
-        return Err(error(format!("the answer begins at byte {}; asked for was {from}", stream.start)));
+        return Err(error(format!("the answer begins at byte {}; it must begin at {from} or before", stream.start)));
     }
     Ok(stream)
 }

@@ -1,7 +1,7 @@
 //! How different two pictures look to the simulated eye, and what an ideal observer would grade that.
 //!
 //! 1. Radiance is exposed, tone-mapped per channel x (1 + x/w^2)/(1 + x) (Reinhard et al. 2002, eq. 4,
-//!    doi:10.1145/566654.566575, w = 4) and shown on a display of .5 to 200 cd/m^2.
+//!    doi:10.1145/566654.566575, w = 4) and shown on a display of 0.5 to 200 cd/m^2.
 //! 2. Display light becomes I, T = Ct/2, P = Cp in ITP units of one just noticeable difference (ITU-R BT.2100-2 table
 //!    7; BT.2124-0: times 720).
 //! 3. point: pixels are averaged over 3x3 neighbours (observers compare surfaces, not pixels), their Euclidean

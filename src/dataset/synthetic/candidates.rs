@@ -3,12 +3,12 @@
 //! | method | family | what happens to the reference |
 //! | --- | --- | --- |
 //! | ROUGHER, SHARPER | ROUGHNESS | every lobe's width times or divided by 1.2 to 4 |
-//! | COLOUR-SHIFT | COLOUR-SHIFT | channels times (e^a, e^b, e^c), a + b + c = 0, up to .7 each |
+//! | COLOUR-SHIFT | COLOUR-SHIFT | channels times (e^a, e^b, e^c), a + b + c = 0, up to 0.7 each |
 //! | LOST-FRESNEL | LOST-FRESNEL | no rise of lobes and coat towards grazing angles |
 //! | LOST-HAZE | LOST-HAZE | the widest of several lobes gone; on cloth, sheen and retroreflection too |
 //! | WRONG-LOBE | WRONG-LOBE | another distribution of the same width at half maximum |
 //! | NOISE | NOISE | times exp(smooth noise over half/difference angles) |
-//! | STEP.1, STEP.2 | STEPS | (f + .001)^(1-t) (g + .001)^t - .001, g another reference, t = .06, .75 |
+//! | STEP.1, STEP.2 | STEPS | (f + 0.001)^(1-t) (g + 0.001)^t - 0.001, g another reference, t = 0.06, 0.75 |
 //!
 //! Strengths are drawn from a fixed stream, so the candidates are always the same.
 

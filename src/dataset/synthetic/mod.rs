@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn ratings_spread_like_those_of_people() {
         let mos = scores();
-        // The human study's rated pairs have mean 3.4, standard deviation .96 and range 1.0 to 4.8.
+        // The human study's rated pairs have mean 3.4, standard deviation 0.96 and range 1.0 to 4.8.
         assert!((2.8..3.6).contains(&mean(&mos)), "{}", mean(&mos));
         assert!((0.9..1.2).contains(&deviation(&mos)), "{}", deviation(&mos));
         assert!(mos.iter().any(|&m| m < 1.5) && mos.iter().any(|&m| m > 4.7));
@@ -157,7 +157,7 @@ mod tests {
     fn the_panel_recovers_the_truth_up_to_its_noise() {
         let r = correlation(&scores(), &STUDY.quality);
         assert!((0.97..0.9999).contains(&r), "{r}");
-        // Split halves agree about as those of people do (.964 in the human study).
+        // Split halves agree about as those of people do (0.964 in the human study).
         let half = |from: usize| -> Vec<f64> {
             STUDY
                 .grades

@@ -3,9 +3,9 @@
 //! r = 3 + g (q - 3) + b + s e,   grade = r rounded to 1..=5, or with probability l any grade
 //!
 //! q: quality of the pair, 1 to 5, from [`super::appearance`]; e: standard normal, new for each grade; of each
-//! observer: slope g = exp(N(0, .15)), bias b = N(0, .3) grades, noise s = .65 grades, lapse rate l uniform in 0 to
-//! .04. In the middle of the scale the variance of the grades of one pair is about .7 and the standard error of a mean
-//! opinion score about .15, as in crowd-sourced studies. A mean of 30 clipped grades does not reach 1 or 5.
+//! observer: slope g = exp(N(0, 0.15)), bias b = N(0, 0.3) grades, noise s = 0.65 grades, lapse rate l uniform in 0 to
+//! 0.04. In the middle of the scale the variance of the grades of one pair is about 0.7 and the standard error of a mean
+//! opinion score about 0.15, as in crowd-sourced studies. A mean of 30 clipped grades does not reach 1 or 5.
 
 use super::candidates::normal;
 use rand::Rng;
@@ -72,10 +72,10 @@ mod tests {
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
         let [low, middle, high] = [0, 1, 2].map(of);
         assert!(mean(&low) < 1.5 && mean(&high) > 4.5, "{} {}", mean(&low), mean(&high));
-        // The panel's mean bias has a standard deviation of .3/sqrt 30 = .055.
+        // The panel's mean bias has a standard deviation of 0.3/sqrt 30 = 0.055.
         assert!((mean(&middle) - 3.0).abs() < 0.2, "{}", mean(&middle));
         let variance = mean(&middle.iter().map(|g| (g - mean(&middle)).powi(2)).collect::<Vec<_>>());
-        // .65^2 + .3^2 + 1/12 of rounding, and lapses: .6 to .8.
+        // 0.65^2 + 0.3^2 + 1/12 of rounding, and lapses: 0.6 to 0.8.
         assert!((0.5..0.85).contains(&variance), "{variance}");
     }
 

@@ -4,7 +4,7 @@
 //! f = c + t(i) t(o) [ diffuse + sum of lobes + sheen + retro ],   c and t present with a coat only
 //!
 //! * diffuse: kd/pi times Oren and Nayar's qualitative factor A + B max(0, cos dphi) sin a tan b, with
-//!   A = 1 - s2/(2 s2 + .66), B = .45 s2/(s2 + .09), s2 = sigma^2 (sigma in radians; 0 is Lambert). Oren and Nayar
+//!   A = 1 - s2/(2 s2 + 0.66), B = 0.45 s2/(s2 + 0.09), s2 = sigma^2 (sigma in radians; 0 is Lambert). Oren and Nayar
 //!   1994, doi:10.1145/192161.192213;
 //! * lobe: weight D(theta_h) F(theta_d) V(i, o); D is GGX, Beckmann, or the Trowbridge-Reitz form of exponent 3/2 in
 //!   its longer-tailed normalisation (Burley 2012), all of slope width alpha; V is the height-uncorrelated Smith term

@@ -7,7 +7,7 @@
 //! * [`GOLD`] control questions, of which nobody who looks is unsure: quality [`BEYOND`] below 1 and above 5 in turn.
 //! * Then [`CARELESS`] participants who answer everything at random and at once, as screening should find.
 //!
-//! A careful answer takes 4 s (log-normal, .4), a careless one .3 s. Cost: 40,000 grades.
+//! A careful answer takes 4 s (log-normal, 0.4), a careless one 0.3 s. Cost: 40,000 grades.
 
 use super::SyntheticStudy;
 use super::candidates::normal;

@@ -2,7 +2,7 @@
 //!
 //! [`StudyTables`] holds the BRDFs, [`compute`] gives the divergences of a group of [`Combination`]s, which [`CombinationRecord`]
 //! keeps, and [`judge`] compares all with the ratings. Cost of a pair on a core at coarse accuracy, four scalings
-//! together: from .15 s (alpha .01, blur .01, t^1/3) to 6 s (alpha .1, blur .01, log with eta .001).
+//! together: from 0.15 s (alpha 0.01, blur 0.01, t^1/3) to 6 s (alpha 0.1, blur 0.01, log with eta 0.001).
 
 mod combination;
 mod job;

@@ -85,7 +85,7 @@ fn interactions_are_found_where_they_are_and_nowhere_else() {
         runs.count()
     };
     let (none, strong) = (found(0.0), found(1.2));
-    // Binomial(300, .05): 6 to 25 with probability > .99.
+    // Binomial(300, 0.05): 6 to 25 with probability > 0.99.
     assert!((6..=25).contains(&none), "{none}");
     assert!(strong > 280, "{strong}");
 }

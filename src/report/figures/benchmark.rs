@@ -23,13 +23,13 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     if let Some(scatter) = Scatter::of(record) {
         let caption = format!(
             "Mean opinion score predicted by {subject} for materials that it has not seen, against that of the raters; \
-             on the diagonal they agree. One mark a rated pair, by approximation method."
+             on the diagonal they agree. One mark per rated pair, by approximation method."
         );
         figures.push(figure("scatter", caption, &scatter)?);
     }
     for (name, bars, caption) in [
         ("agreement", agreement(record), "Agreement of selected metrics on materials that they have not seen"),
-        ("lp", lp(record), "Agreement of the Lp distances, logistic map fitted on other materials"),
+        ("lp", lp(record), "Agreement of the Lp distances, with the logistic map fitted on other materials"),
         ("ablation", ablation(record), "Agreement after retraining with other descriptors, on unseen materials"),
     ] {
         if !bars.rows.is_empty() {
@@ -42,26 +42,26 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     }
     let importance = importance(record);
     if !importance.rows.is_empty() {
-        let caption = "What the landmark kernel loses when descriptors are exchanged between unseen rows: loss of Pearson \
+        let caption = "Loss of the landmark kernel when descriptors are exchanged between unseen rows: loss of Pearson \
                        correlation (no border) and of Spearman correlation (black border), with 95 % intervals of a \
                        bootstrap by material. Families first, then the descriptors that cost most.";
         figures.push(figure("importance", caption.to_owned(), &importance)?);
     }
     if let Some(learning) = Learning::of(record) {
-        let caption = "Agreement on unseen materials of the landmark kernel when it is trained on fewer groups of materials: \
+        let caption = "Agreement of the landmark kernel on unseen materials when it is trained on fewer groups of materials: \
                        Pearson (no border) and Spearman correlation (black border), with 95 % intervals of a bootstrap by material.";
         figures.push(figure("learning", caption.to_owned(), &learning)?);
     }
     if let Some(curves) = Curves::of(record) {
-        let caption = "Mean opinion scores against distances, with the logistic curve between them fitted on these very \
-                       rows. One mark a rated pair, by approximation method; the closer to the curve, the better.";
+        let caption = "Mean opinion scores against distances, with the logistic curve fitted on these same \
+                       rows. One mark per rated pair, by approximation method; the closer to the curve, the better.";
         figures.push(figure("curves", caption.to_owned(), &curves)?);
     }
     let strips = Strips::of(record);
     if !strips.materials.is_empty() {
         let caption = format!(
-            "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. One mark a rated \
-             pair, by approximation method; right of zero the metric is too kind."
+            "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. One mark per rated \
+             pair, by approximation method; right of zero the metric predicts too high a score."
         );
         figures.push(figure("residuals", caption, &strips)?);
     }

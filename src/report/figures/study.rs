@@ -20,7 +20,7 @@ const BOXES: [(&str, &str, &str); 7] = [
     (
         "mos-by-model",
         "By model, the better of several fits",
-        "Mean opinion scores by model, of several fits of a model to a material the one with the highest score",
+        "Mean opinion scores by model; of several fits of a model to a material, the one with the highest score",
     ),
     (
         "mos-by-model-and-type",
@@ -30,7 +30,7 @@ const BOXES: [(&str, &str, &str); 7] = [
     (
         "mos-by-light-and-type",
         "By illumination and material type, of what was rated under both",
-        "Mean opinion scores by illumination and type of material, of what was rated under both illuminations",
+        "Mean opinion scores by illumination and type of material, for stimuli rated under both illuminations",
     ),
     (
         "mos-by-manifold-step",
@@ -47,7 +47,7 @@ pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
     let mut figures = Vec::new();
     let counts = Counts::of(record);
     if !counts.rows.is_empty() {
-        let caption = "How many materials each approximation method was rated on.".to_owned();
+        let caption = "Number of materials on which each approximation method was rated.".to_owned();
         figures.push(figure("methods", caption, &counts)?);
     }
     for (name, title, caption) in BOXES {
@@ -60,8 +60,8 @@ pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
     }
     if let Some(lights) = Lights::of(record) {
         let caption = format!(
-            "Mean opinion scores under {} against those under {} of what was rated under both; on the diagonal the \
-             illumination makes no difference. One mark an approximation, by method.",
+            "Mean opinion scores under {} against those under {}, for stimuli rated under both; on the diagonal the \
+             illumination makes no difference. One mark per approximation, by method.",
             lights.names[1], lights.names[0]
         );
         figures.push(figure("illuminations", caption, &lights)?);
@@ -90,7 +90,8 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
     }
     let widths = record.boxes.iter().flat_map(|set| &set.boxes).any(|b| b.interval_width.is_some());
     if !widths {
-        missing.push("Widths of the intervals of the mean opinion scores: the single ratings are not here.".to_owned());
+        missing
+            .push("Widths of the intervals of the mean opinion scores: the individual ratings are missing.".to_owned());
     }
     if record.illumination.is_none() {
         missing.push("One illumination against the other: nothing was rated under two illuminations.".to_owned());
@@ -101,7 +102,7 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
 fn boxed(what: &str) -> String {
     format!(
         "{what}: median, quartiles, whiskers to the last value within 1.5 interquartile ranges, and outliers; a diamond \
-         is the mean, the bar through it its 95 % interval of a bootstrap by material. In brackets the number of stimuli."
+         marks the mean, the bar through it its 95 % interval from a bootstrap by material. In brackets: the number of stimuli."
     )
 }
 

@@ -11,10 +11,10 @@ use std::fmt::Write;
 const MOST_RESIDUALS: usize = 15;
 
 const HOW_TO_READ: &str = "\
-A learned metric gives a predicted mean opinion score: 5 means that people would not tell the \
-candidate from the reference, 1 that it looks very different. PLCC and SROCC say how straight and how well ordered the \
-relation between predictions and ratings is (1 is perfect, 0 is none); every figure is measured on materials that the \
-metric, and its map to the scale of the ratings, have not seen, unless it says in sample. Intervals hold 95 % of \
+A learned metric predicts a mean opinion score: 5 means that people would not tell the \
+candidate from the reference, 1 that it looks very different. PLCC and SROCC say how linear and how well ordered the \
+relation between predictions and ratings is (1 is perfect, 0 is none). Unless a figure says in sample, it is measured on \
+materials that neither the metric nor its map to the scale of the ratings has seen. Intervals contain 95 % of the \
 resamples of the materials. Quote a score together with the version of the metric.";
 
 /// The headline table and how to read it.
@@ -96,7 +96,7 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
         ("All metrics", tables::all_metrics(record)),
         ("Differences between metrics", tables::differences(record)),
         ("Which descriptors matter", tables::ablation(record)),
-        ("Which descriptors the model leans on", tables::importance(record)),
+        ("Which descriptors the model relies on", tables::importance(record)),
         ("What more materials would bring", tables::learning_curve(record)),
         ("Where it is wrong", tables::residuals(record, MOST_RESIDUALS)),
     ]
@@ -108,7 +108,7 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
 fn calibration(record: &BenchmarkRecord) -> Option<String> {
     let found = record.calibration?;
     Some(format!(
-        "Intervals that promise {:.0} % held {:.1} % of {} held-out ratings; {:.1} % lay below and {:.1} % above. \
+        "Intervals with a nominal coverage of {:.0} % contained {:.1} % of {} held-out ratings; {:.1} % lay below and {:.1} % above. \
          Their mean width is {:.2} MOS.",
         100.0 * found.nominal,
         100.0 * found.covered,

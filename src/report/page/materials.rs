@@ -34,8 +34,8 @@ pub fn section(materials: &[Material], open: usize, light: &str) -> Markup {
         @if !materials.is_empty() {
             h2 { "Materials" }
             p {
-                "A sphere under " (light) ", the same exposure for all. Rated and predicted mean opinion scores are on the \
-                 scale from 1 to 5; the materials on which the metric is furthest off come first."
+                "A sphere under " (light) ", all at the same exposure. Rated and predicted mean opinion scores are on the \
+                 scale from 1 to 5; the materials with the largest errors of the metric come first."
             }
             @for (i, material) in materials.iter().enumerate() {
                 details.material open[i < open] {

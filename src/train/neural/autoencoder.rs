@@ -79,7 +79,11 @@ struct Halves {
 impl Autoencoder {
     /// Learns from rows x columns.
     pub fn train(&self, rows: ArrayView2<'_, f64>, seed: u64) -> Result<Encoder, TrainError> {
-        let sizes = [("the width of the hidden layers", self.hidden), ("the code", self.code), ("epochs", self.epochs)];
+        let sizes = [
+            ("the width of the hidden layers", self.hidden),
+            ("the size of the code", self.code),
+            ("the number of epochs", self.epochs),
+        ];
         if let Some((what, _)) = sizes.into_iter().find(|s| s.1 == 0) {
             return Err(TrainError::Option { trainer: NAME.into(), what, value: 0.0, allowed: "at least 1" });
         }

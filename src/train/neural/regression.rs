@@ -40,7 +40,7 @@ pub struct NeuralNetwork {
     /// Passes over the training rows.
     pub epochs: usize,
     /// Stop where the inner folds say so, at the latest after `epochs`. Off by default: with this schedule the held-out
-    /// error is flat near the end, and choosing costs twice the time and up to .01 of correlation.
+    /// error is flat near the end, and choosing costs twice the time and up to 0.01 of correlation.
     pub choose_epochs: bool,
     /// Rows in one step of the optimiser.
     pub batch: usize,
@@ -137,10 +137,14 @@ impl Trainer for NeuralNetwork {
 
 impl NeuralNetwork {
     fn check(&self) -> Result<(), TrainError> {
-        let counts = [("the number of networks", self.members), ("epochs", self.epochs), ("the batch", self.batch)];
+        let counts = [
+            ("the number of networks", self.members),
+            ("the number of epochs", self.epochs),
+            ("the size of a batch", self.batch),
+        ];
         let counts = counts.into_iter().chain(self.hidden.iter().map(|&w| ("the width of a hidden layer", w)));
         let ranges = [
-            ("the learning rate", self.rate, 1e-9, 1.0, "greater than 0, at most 1"),
+            ("the learning rate", self.rate, 1e-9, 1.0, "greater than 0 and at most 1"),
             ("weight decay", self.decay, 0.0, 10.0, "0 to 10"),
             ("dropout", self.dropout, 0.0, 0.95, "0 to 0.95"),
             ("input noise", self.noise, 0.0, 10.0, "0 to 10"),

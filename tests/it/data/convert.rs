@@ -71,10 +71,10 @@ fn the_program_converts_every_format_into_every_other() {
 
     let refused = convert("a.binary", "b.titopo", &[]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(error(&refused).contains("b.titopo: is there already; allowed with --replace"));
+    assert!(error(&refused).contains("b.titopo exists already; use --replace"));
     assert_eq!(convert("a.binary", "b.titopo", &["--replace"]).status.code(), Some(0));
     for (from, to, expected) in [
-        ("a.binary", "x.png", "x.png: found the extension `png`; allowed: binary, titopo, titopoh"),
+        ("a.binary", "x.png", "x.png has the extension `png`; it must be binary, titopo or titopoh"),
         ("nowhere.binary", "x.titopo", "nowhere.binary: no such file"),
     ] {
         let output = convert(from, to, &[]);

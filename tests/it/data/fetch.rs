@@ -120,20 +120,20 @@ fn another_content_is_refused_and_leaves_nothing() {
     wrong[123_456] ^= 1;
     for (bytes, expected) in [
         (&wrong[..], "300000 bytes, SHA-256"),
-        (&wrong[..299_999], "found 299999 bytes; allowed: 300000 bytes"),
-        (&[&wrong[..], &[0]].concat(), "found 300001 bytes; allowed: 300000 bytes"),
+        (&wrong[..299_999], "has 299999 bytes, but it must have 300000 bytes"),
+        (&[&wrong[..], &[0]].concat(), "has 300001 bytes, but it must have 300000 bytes"),
     ] {
         let (place, mirror) = (Place::new(), mirror(bytes));
         let message = place.fetch(text(mirror.0.path())).expect_err("another content").to_string();
         assert!(message.starts_with(text(&mirror.target())) && message.contains(expected), "{message}");
-        assert!(!message.contains('\n') && message.contains("allowed: 300000 bytes"), "{message}");
+        assert!(!message.contains('\n') && message.contains("it must have 300000 bytes"), "{message}");
         assert_eq!(fs::read_dir(place.0.path().join("folder")).expect("a folder").count(), 0);
     }
     // Without a pinned size the hash decides.
     let unsized_file = PinnedFile { bytes: None, ..pinned() };
     let (place, mirror) = (Place::new(), mirror(&wrong));
     let message = place.fetch_file(&unsized_file, text(mirror.0.path()), false).expect_err("wrong").to_string();
-    assert!(message.contains(&format!("allowed: SHA-256 {}", pinned().sha256)), "{message}");
+    assert!(message.contains(&format!("it must have SHA-256 {}", pinned().sha256)), "{message}");
 }
 
 #[test]
@@ -142,7 +142,7 @@ fn a_file_that_is_here_is_replaced_only_when_asked_and_only_by_the_right_one() {
     let place = Place::new();
     place.put(&place.target(), b"mine");
     let message = place.fetch(text(right.0.path())).expect_err("mine is here").to_string();
-    assert!(message.starts_with(text(&place.target())) && message.contains("found 4 bytes"), "{message}");
+    assert!(message.starts_with(text(&place.target())) && message.contains("has 4 bytes"), "{message}");
     place.fetch_file(&pinned(), text(wrong.0.path()), true).expect_err("wrong bytes");
     assert_eq!(fs::read(place.target()).expect("still here"), b"mine");
     assert_eq!(place.fetch_file(&pinned(), text(right.0.path()), true).expect("there"), ALL);
@@ -227,12 +227,12 @@ mod over_http {
         wrong[299_999] ^= 128;
         let (server, place) = (Server::start(&wrong, Manner::Well), Place::new());
         let message = place.fetch(&server.url).expect_err("wrong bytes").to_string();
-        assert!(message.starts_with(&format!("{}/{PATH}: found 300000 bytes", server.url)), "{message}");
+        assert!(message.starts_with(&format!("{}/{PATH} has 300000 bytes", server.url)), "{message}");
         assert!(!place.target().exists() && !place.part().exists());
         // More than the pinned size is not even read to its end.
         let (server, place) = (Server::start(&content().repeat(40), Manner::WithoutLength), Place::new());
         let message = place.fetch(&server.url).expect_err("too much").to_string();
-        assert!(message.contains("found more than 300000 bytes; allowed: 300000 bytes"), "{message}");
+        assert!(message.contains("has more than 300000 bytes, but it must have 300000 bytes"), "{message}");
         assert!(!place.target().exists() && !place.part().exists());
         for (status, expected) in [(404, "the server answers 404 Not Found"), (503, "503 Service Unavailable")] {
             let (server, place) = (Server::start(b"", Manner::Status(status)), Place::new());
@@ -259,7 +259,7 @@ fn the_program_reports_every_file_and_keeps_what_is_there() {
     let message = error(&output);
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("PerceptualDistances.csv: No such file"), "{message}");
-    assert!(message.contains("MaterialType.csv: found 10 bytes; allowed: 3332 bytes"), "{message}");
+    assert!(message.contains("MaterialType.csv has 10 bytes, but it must have 3332 bytes"), "{message}");
     let lines = out(&output);
     assert_eq!(lines.matches("NOT fetched; licence: none stated").count(), 2, "{lines}");
     assert!(lines.contains("https://zenodo.org/records/8101681"), "{lines}");
@@ -286,8 +286,8 @@ fn verify_names_the_file_with_what_was_found_and_what_is_allowed() {
     let message = error(&output);
     assert_eq!(output.status.code(), Some(2), "{message}");
     // The hash of "abc" is the example of FIPS 180-4.
-    let found = "npf.bin: found 3 bytes, SHA-256 ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-    assert!(message.contains(found) && message.contains("allowed: 1572864 bytes, SHA-256 4d4b8b7f"), "{message}");
+    let found = "npf.bin has 3 bytes, SHA-256 ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+    assert!(message.contains(found) && message.contains("it must have 1572864 bytes, SHA-256 4d4b8b7f"), "{message}");
     assert!(
         out(&output).contains(&format!("{:45} a part of the published file", "lavoue2021/PerceptualDistances.csv"))
     );
@@ -295,7 +295,7 @@ fn verify_names_the_file_with_what_was_found_and_what_is_allowed() {
         (&["verify"][..], "no data folder: name one with --data DIR or VERNIS_DATA"),
         (&["fetch", "lavoue2021"], "no data folder: name one"),
         (&["fetch", "lavoue", "--data", data], "unknown study `lavoue`"),
-        (&["fetch", "lavoue2021", "--data", data, "--mirror", "ftp://x/y"], "ftp://x/y: allowed are a folder"),
+        (&["fetch", "lavoue2021", "--data", data, "--mirror", "ftp://x/y"], "ftp://x/y: it must be a folder"),
     ] {
         let output = vernis_data(args);
         assert_eq!(output.status.code(), Some(2));

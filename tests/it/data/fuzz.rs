@@ -165,7 +165,7 @@ fn fits_and_models() {
     // Deeper than any stack, and larger than any model.
     for (text, expected) in [
         (format!("{{\"model\":{}", "[".repeat(1 << 19)), "m.json: not a valid model in JSON: recursion limit"),
-        (" ".repeat((1 << 20) + 1), "m.json: the file has at least 1048577 bytes; allowed: at most 1048576"),
+        (" ".repeat((1 << 20) + 1), "m.json: the file has at least 1048577 bytes; it must have at most 1048576"),
     ] {
         fs::write(&path, text).expect("writable");
         let message = outcome(open(&path)).expect_err("no model");
@@ -173,7 +173,7 @@ fn fits_and_models() {
     }
 }
 
-/// A network as Keras stores it, all weights .01.
+/// A network as Keras stores it, all weights 0.01.
 fn network() -> Vec<u8> {
     let mut file = hdf5_pure::FileBuilder::new();
     for (layer, rows, columns) in [("dense_1", 6, 21), ("dense_2", 21, 21), ("dense_3", 21, 3)] {
@@ -233,17 +233,17 @@ fn archives() {
     let bomb = archive(&[("teflon.h5", &vec![0; 64 << 20])]);
     assert!(bomb.len() < 200_000);
     let text = message(&bomb);
-    assert!(text.contains("teflon.h5: more than 1048576 bytes; allowed: at most that many"), "{text}");
+    assert!(text.contains("teflon.h5 has more than 1048576 bytes; it must have at most that many"), "{text}");
     // Tables in an archive are held to the size of a table.
     fs::write(&path, archive(&[("teflon.titopo", &vec![0; 64 << 20])])).expect("writable");
     let source = BrdfSource::parse(&format!("{}:teflon", path.display())).expect("a notation");
     let text = source.open(None).expect_err("too large").to_string();
-    assert!(text.contains("teflon.titopo: more than 34992000 bytes; allowed: at most that many"), "{text}");
+    assert!(text.contains("teflon.titopo has more than 34992000 bytes; it must have at most that many"), "{text}");
     fs::write(&path, archive(&[("teflon.titopoh", &[0; 99])])).expect("writable");
     let text = source.open(None).expect_err("too small").to_string();
     assert!(text.contains("x.zip:teflon.titopoh: the file has 99 bytes"), "{text}");
     let text = message(&archive(&[("a/teflon.h5", &network()), ("b/teflon.h5", &network())]));
-    assert!(text.contains("a/teflon.h5 and b/teflon.h5 are both of teflon; allowed: one member"), "{text}");
+    assert!(text.contains("a/teflon.h5 and b/teflon.h5 are both of teflon; there must be one member"), "{text}");
     // A name that leads out of the folder is a name like any other: members are read in place, none is ever written.
     fs::write(&path, archive(&[("../../teflon.h5", &network())])).expect("writable");
     nbrdf::read(&path, "teflon").expect("a member");

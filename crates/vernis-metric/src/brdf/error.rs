@@ -12,6 +12,8 @@ const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, ARCHIVE.zip:MAT
 
 /// Why a BRDF could not be read, written or made. Each message is one line that names place, finding and remedy.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum BrdfError {
     /// The operating system refused.
     #[error("{}: {cause}", path.display())]
@@ -20,16 +22,16 @@ pub enum BrdfError {
     #[error("{path}: no such file; looked for {}", tried.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "))]
     NotFound { path: String, tried: Vec<PathBuf> },
     /// Truncated or oversized.
-    #[error("{}: the file has {found} bytes, {format} needs {allowed}", path.display())]
+    #[error("{}: the file has {found} bytes; {format} needs {allowed}", path.display())]
     Size { path: PathBuf, format: &'static str, found: u64, allowed: String },
     /// The header contradicts the format.
     #[error(
-        "{}: header says {}x{}x{}, MERL needs 90x90x180 or 90x90x360",
+        "{}: the header says {}x{}x{}; MERL needs 90x90x180 or 90x90x360",
         path.display(), found[0], found[1], found[2]
     )]
     Header { path: PathBuf, found: [i32; 3] },
     /// A number that is no reflectance and no mark of a missing one.
-    #[error("{}: {place} holds {found}, allowed is {allowed}", path.display())]
+    #[error("{}: {place} holds {found}; it must hold {allowed}", path.display())]
     Value { path: PathBuf, place: String, found: f64, allowed: &'static str },
     /// The values read do not make a table.
     #[error("{}: {cause}", path.display())]
@@ -47,18 +49,18 @@ pub enum BrdfError {
     #[error("{}: no material `{}`; {}", path.display(), shown(found, 100), did_you_mean(nearest))]
     UnknownMaterial { path: PathBuf, found: String, nearest: Vec<String> },
     /// A field or key that the model lacks.
-    #[error("{place}: {model} has no parameter `{}`; {}; allowed: {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
+    #[error("{place}: {model} has no parameter `{}`; {}; its parameters are {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
     UnknownField { place: String, model: String, found: String, nearest: Vec<String>, allowed: Vec<String> },
     /// A model that does not exist.
-    #[error("{place}: unknown model `{}`; {}; allowed: {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
+    #[error("{place}: unknown model `{}`; {}; the models are {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
     UnknownModel { place: String, found: String, nearest: Vec<String>, allowed: Vec<String> },
     /// A field that is absent or of the wrong shape.
-    #[error("{place}: {field}: found {}, allowed is {allowed}", shown(found, 200))]
+    #[error("{place}: {field} is {}; it must be {allowed}", if found.is_empty() { "empty".to_owned() } else { shown(found, 200) })]
     Field { place: String, field: String, found: String, allowed: String },
     /// Parameters out of bounds.
     #[error("{place}: {cause}")]
     Model { place: String, cause: ModelError },
     /// The text is not in the notation of sources.
-    #[error("`{}` is not a BRDF source: {}; allowed: {}", shown(notation, 200), shown(reason, 300), NOTATIONS)]
+    #[error("`{}` is not a BRDF source: {}; write it as {}", shown(notation, 200), shown(reason, 300), NOTATIONS)]
     Notation { notation: String, reason: String },
 }

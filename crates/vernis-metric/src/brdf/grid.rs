@@ -91,7 +91,7 @@ impl Grid {
         self.edge(axis, k as f64 + self.anchor())
     }
 
-    /// Where in its cell a value belongs: 0 at the lower edge, .5 at the centre.
+    /// Where in its cell a value belongs: 0 at the lower edge, 0.5 at the centre.
     pub(super) fn anchor(&self) -> f64 {
         match self {
             Self::Standard { anchor: Anchor::Edge, .. } => 0.0,

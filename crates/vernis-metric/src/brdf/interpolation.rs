@@ -8,8 +8,8 @@
 //!
 //! [`TabulatedBrdf::resampled`] copies cells, as the published readers of these files and the metrics do. To store a
 //! table in another format that costs more than need be, up to one degree for values at the edges of cells. For GGX of
-//! roughness .2 from Titopo to MERL and back, the 99th percentile of the relative difference is .08 with copied cells and
-//! .005 here. Where samples of both grids coincide, both give their values unchanged.
+//! roughness 0.2 from Titopo to MERL and back, the 99th percentile of the relative difference is 0.08 with copied cells and
+//! 0.005 here. Where samples of both grids coincide, both give their values unchanged.
 //!
 //! Cost: eight look-ups a cell, and between coordinates the inverse trigonometry of [`Grid`].
 

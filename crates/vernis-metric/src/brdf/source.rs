@@ -382,7 +382,7 @@ mod tests {
             ("a.fit:teflon?eta", "`eta` is not of the form KEY=VALUE"),
         ] {
             let message = BrdfSource::parse(notation).expect_err(notation).to_string();
-            assert!(message.contains(expected) && message.contains("allowed: PATH.binary"), "{message}");
+            assert!(message.contains(expected) && message.contains("write it as PATH.binary"), "{message}");
         }
     }
 }

@@ -12,6 +12,8 @@ const CHUNK: usize = 4096;
 
 /// What is wrong with a table.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum TableError {
     #[error("the grid has {expected} cells, but {found} {what} were given")]
     Length { what: &'static str, expected: usize, found: usize },

@@ -1,15 +1,15 @@
 //! Ratios of two BRDFs over regions of half/difference angles.
 //!
-//!   sY = <ln((Y_B + .001) / (Y_A + .001))>,   aY = <|ln((Y_B + .001) / (Y_A + .001))|>,
-//!   sR = <difference of ln((R + .001) / (G + .001))>,   sB the same with B for R,
+//!   sY = <ln((Y_B + 0.001) / (Y_A + 0.001))>,   aY = <|ln((Y_B + 0.001) / (Y_A + 0.001))|>,
+//!   sR = <difference of ln((R + 0.001) / (G + 0.001))>,   sB the same with B for R,
 //!
 //! A the reference, B the candidate, Y the luminance of the BRDF (1/sr). <> is the mean over the nodes of a region that
 //! both tables sampled, with weight
 //!
-//!   dtheta_h (sin theta_h cos theta_h + .002) dtheta_d (sin theta_d cos theta_d + .0001),
+//!   dtheta_h (sin theta_h cos theta_h + 0.002) dtheta_d (sin theta_d cos theta_d + 0.0001),
 //!
 //! dtheta the spacing of the nodes: the measure of half/difference space, with floors that keep the mirror direction and
-//! retro-reflection from vanishing. A region is a bin of theta_h (deg) 0: 0-.6, 1: .6-1.5, 2: 1.5-3, 3: 3-6, 4: 6-11,
+//! retro-reflection from vanishing. A region is a bin of theta_h (deg) 0: 0-0.6, 1: 0.6-1.5, 2: 1.5-3, 3: 3-6, 4: 6-11,
 //! 5: 11-18, 6: 18-28, 7: 28-42, times a band of theta_d (deg) n (near normal): 0-25, m: 25-50, h: 50-68, g (grazing): 68-84.
 //! A region without a common node gives 0.
 //!
@@ -87,7 +87,7 @@ impl Measure {
 /// Logarithms of a node table.
 #[derive(Debug, Clone)]
 pub struct AngularProfile {
-    /// ln(Y + .001), ln((R + .001) / (G + .001)), ln((B + .001) / (G + .001)) at each node.
+    /// ln(Y + 0.001), ln((R + 0.001) / (G + 0.001)), ln((B + 0.001) / (G + 0.001)) at each node.
     pub(super) logs: Vec<[f64; 3]>,
 }
 
@@ -145,7 +145,7 @@ pub fn ratios(a: (&NodeTable, &AngularProfile), b: (&NodeTable, &AngularProfile)
     sums
 }
 
-/// Mean of ln(Y + .001) of one BRDF over a region; `None` without a sampled node.
+/// Mean of ln(Y + 0.001) of one BRDF over a region; `None` without a sampled node.
 pub fn mean_log_luminance(table: &NodeTable, profile: &AngularProfile, region: usize) -> Option<f64> {
     let measure = Measure::get();
     let mut sum = (0.0, 0.0);

@@ -1,11 +1,11 @@
 //! What kind of material the reference is: the same difference is seen differently on a mirror and on chalk.
 //!
-//! * `cx.0n cx.2n cx.5n cx.7n`: mean ln(Y + .001) over the regions of [`super::angular`];
-//! * `cxalb cxalb60`: ln(luminance albedo + .001) seen from 0 and 60 deg;
-//! * `cxwid.2 .10 .100`: ln(theta_h + .3), theta_h in degrees, where the profile has fallen to 1/2, 1/10, 1/100 of its value
+//! * `cx.0n cx.2n cx.5n cx.7n`: mean ln(Y + 0.001) over the regions of [`super::angular`];
+//! * `cxalb cxalb60`: ln(luminance albedo + 0.001) seen from 0 and 60 deg;
+//! * `cxwid.2 .10 .100`: ln(theta_h + 0.3), theta_h in degrees, where the profile has fallen to 1/2, 1/10, 1/100 of its value
 //!   at theta_h = 0; ln 90 where it never does. The profile is the mean of Y over the nodes with theta_d < 30 deg;
-//! * `cxexc`: ln(pi sum dtheta_h sin theta_h cos theta_h (P - F)^+ + .0001), the energy of the highlight above the diffuse
-//!   floor. P is the profile with weight dtheta_d (sin theta_d cos theta_d + .0001), F its 30th percentile over the
+//! * `cxexc`: ln(pi sum dtheta_h sin theta_h cos theta_h (P - F)^+ + 0.0001), the energy of the highlight above the diffuse
+//!   floor. P is the profile with weight dtheta_d (sin theta_d cos theta_d + 0.0001), F its 30th percentile over the
 //!   nodes of theta_h.
 //!
 //! Y is the luminance of the BRDF, 1/sr. Only sampled nodes count. Cost: a pass over the table.
@@ -47,7 +47,7 @@ fn profile(table: &NodeTable, weight: impl Fn(usize) -> f64) -> Vec<(f64, f64)> 
     profile
 }
 
-/// ln(theta_h + .3) where the profile crosses `1 / fall` of its start, linear in theta_h between nodes.
+/// ln(theta_h + 0.3) where the profile crosses `1 / fall` of its start, linear in theta_h between nodes.
 fn width(profile: &[(f64, f64)], fall: f64) -> f64 {
     let level = profile.first().map_or(0.0, |p| p.1) / fall;
     let crossing = profile.windows(2).find(|p| p[1].1 < level);
@@ -99,7 +99,7 @@ mod tests {
     use crate::brdf::Brdf;
     use crate::math::{Rgb, Vec3};
 
-    /// A diffuse floor of .1 and a lobe 10 exp(-theta_h / 5 deg).
+    /// A diffuse floor of 0.1 and a lobe 10 exp(-theta_h / 5 deg).
     struct Lobe;
 
     impl Brdf for Lobe {
@@ -113,7 +113,7 @@ mod tests {
     fn widths_and_energy_of_an_exponential_lobe() {
         let table = NodeTable::sample(&Lobe).unwrap();
         let context = context(&table, &AngularProfile::new(&table), [0.5, 0.25]);
-        // 10.1 / 2 and 10.1 / 10 are reached where the lobe is 4.95 and .91; 10.1 / 100 just above the floor.
+        // 10.1 / 2 and 10.1 / 10 are reached where the lobe is 4.95 and 0.91; 10.1 / 100 just above the floor.
         for (k, lobe) in [(6, 4.95f64), (7, 0.91), (8, 0.001)] {
             let theta = -5.0 * (lobe / 10.0).ln();
             assert!((context[k].exp() - 0.3 - theta).abs() < 0.03 * theta, "{k}: {} {theta}", context[k].exp() - 0.3);

@@ -1,9 +1,9 @@
 //! What a viewer of a display compares: pictures clipped to the range of a screen, their overall and peak brightness.
 //!
-//! With x the linear RGB radiance of a pixel, v = clip(x, 0, 1)^(1/2.2) for each channel, L = 100 (.2126, .7152, .0722) . v,
+//! With x the linear RGB radiance of a pixel, v = clip(x, 0, 1)^(1/2.2) for each channel, L = 100 (0.2126, 0.7152, 0.0722) . v,
 //! A the reference, B the candidate, w the weight of a pixel, s and cov the weighted deviations and covariance of L:
 //!
-//! * `lin`: ln((mean Y_B + .01) / (mean Y_A + .01)), Y the luminance of x;
+//! * `lin`: ln((mean Y_B + 0.01) / (mean Y_A + 0.01)), Y the luminance of x;
 //! * `max`: the same for the mean of the brightest hundredth of the shape;
 //! * `rms`: root of the mean of (100 (v_B - v_A))^2 over pixels and channels; `mean`: the mean of 100 (v_B - v_A);
 //! * `corr`: 1 - (cov + 9) / (s_A s_B + 9); `std`: ln((s_B + 1) / (s_A + 1)).
@@ -33,7 +33,7 @@ pub(super) struct Displayed {
     lightness: Vec<f64>,
     mean: f64,
     variance: f64,
-    /// ln(mean Y + .01) over the shape, and over its brightest part.
+    /// ln(mean Y + 0.01) over the shape, and over its brightest part.
     brightness: [f64; 2],
 }
 

@@ -2,8 +2,8 @@
 //!
 //!   x = log map of the node table; p = C (x - mean); z = dense layers (p), leaky ReLU between them; descriptor z_B - z_A.
 //!
-//! x: 3 x 3,840 numbers, ln(f + .001) of R, G, B at each node, or of the opponent triple (ln(Y + .001), ln((R + .001) /
-//! (G + .001)), ln((B + .001) / (G + .001))). C: k x 11,520 principal components. Without layers this is the PCA of Nielsen
+//! x: 3 x 3,840 numbers, ln(f + 0.001) of R, G, B at each node, or of the opponent triple (ln(Y + 0.001), ln((R + 0.001) /
+//! (G + 0.001)), ln((B + 0.001) / (G + 0.001))). C: k x 11,520 principal components. Without layers this is the PCA of Nielsen
 //! et al. 2015 (doi:10.1145/2816795.2818085) without their reference BRDF; with layers an encoder on its coordinates. Nodes
 //! without a measurement carry their neighbour's value.
 //!
@@ -78,9 +78,9 @@ impl Embedding {
         let size = |what: String, found: usize, expected: usize| {
             if found == expected { Ok(()) } else { Err(wrong(LayerMismatch { what, found, expected })) }
         };
-        size("length of the mean".into(), parts.mean.len(), INPUTS)?;
+        size("values in the mean".into(), parts.mean.len(), INPUTS)?;
         for (k, component) in parts.components.iter().enumerate() {
-            size(format!("length of component {k}"), component.len(), INPUTS)?;
+            size(format!("values in component {k}"), component.len(), INPUTS)?;
         }
         let width = check_layers(&parts.layers, parts.components.len()).map_err(wrong)?;
         if width == 0 {
@@ -88,7 +88,7 @@ impl Embedding {
         }
         let stored = parts.mean.iter().chain(parts.components.iter().flatten()).filter(|v| !v.is_finite()).count();
         let numbers = parts.layers.iter().flat_map(Dense::numbers).chain([parts.slope]);
-        size("numbers that are not finite".into(), stored + numbers.filter(|v| !v.is_finite()).count(), 0)?;
+        size("values that are not finite".into(), stored + numbers.filter(|v| !v.is_finite()).count(), 0)?;
         Ok(Self(parts))
     }
 
@@ -163,7 +163,7 @@ mod tests {
         let layer = |w: f64, b: f64| Dense { inputs: 1, outputs: 1, weights: vec![w], bias: vec![b] };
         let first = Dense { inputs: 3, outputs: 1, weights: vec![1.0, 0.0, 0.0], bias: vec![0.0] };
         let encoder = Embedding::new(EmbeddingParts { layers: vec![first, layer(2.0, 1.0)], ..parts() }).unwrap();
-        // ln(.101) is negative and passes the leaky ReLU with slope .1.
+        // ln(0.101) is negative and passes the leaky ReLU with slope 0.1.
         assert!((encoder.coordinates(&a)[0] - (0.2 * 0.101f64.ln() + 1.0)).abs() < 1e-5);
     }
 

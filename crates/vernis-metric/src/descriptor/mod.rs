@@ -38,6 +38,7 @@ use thiserror::Error;
 /// What keeps a descriptor from being computed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum DescriptorError {
     #[error(transparent)]
     Light(#[from] LightError),
@@ -45,17 +46,17 @@ pub enum DescriptorError {
     CacheFolder { path: PathBuf, reason: String },
     #[error("unknown descriptors `{}`; this program knows {known}", shown(id, 100))]
     UnknownSetup { id: String, known: String },
-    #[error("descriptors of version {found}; this program knows up to version {newest}: update vernis")]
+    #[error("the descriptors are of version {found}; this program knows up to version {newest}: update vernis")]
     NewerSetup { found: u32, newest: u32 },
     #[error("the descriptors need {what}; name it with {option}")]
     MissingFile { what: String, option: &'static str },
-    #[error("{}: {kind} {found}, but the descriptors need {kind} {wanted} (the first digits of its SHA-256)", path.display())]
+    #[error("{}: the {kind} is {found}; it must be {wanted} (the first digits of its SHA-256)", path.display())]
     OtherFile { path: PathBuf, kind: &'static str, found: String, wanted: String },
-    #[error("descriptor family `{name}` is unknown; known: {known}")]
+    #[error("descriptor family `{name}` is unknown; the families are {known}")]
     UnknownFamily { name: String, known: String },
-    #[error("embedding `{name}`: {what}: found {found}, expected {expected}")]
+    #[error("embedding `{name}`: the number of {what} is {found}; it must be {expected}")]
     Embedding { name: String, what: String, found: usize, expected: usize },
-    #[error("the comparison gave {found} numbers, expected {expected}")]
+    #[error("the comparison gave {found} numbers; it must give {expected}")]
     Columns { found: usize, expected: usize },
     #[error(transparent)]
     Open(#[from] BrdfError),

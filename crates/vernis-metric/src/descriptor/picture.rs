@@ -1,9 +1,9 @@
 //! What a viewer would compare in two pictures of a shape: differences in an opponent log space.
 //!
-//!   Y = .2126 R + .7152 G + .0722 B; L = 20 ln(Y + .01); c1 = 20 ln((R + .01) / (G + .01)); c2 = 20 ln((B + .01) / (G + .01)).
+//!   Y = 0.2126 R + 0.7152 G + 0.0722 B; L = 20 ln(Y + 0.01); c1 = 20 ln((R + 0.01) / (G + 0.01)); c2 = 20 ln((B + 0.01) / (G + 0.01)).
 //!
 //! A is the reference, B the candidate, d = B - A, w the weight of a pixel (the share of the shape with that normal),
-//! e = |(dL, dc1, dc2)|, sA, sB and cov the weighted deviations and covariance of L; q the quantiles (i + .5) / 64 of L.
+//! e = |(dL, dc1, dc2)|, sA, sB and cov the weighted deviations and covariance of L; q the quantiles (i + 0.5) / 64 of L.
 //! Local moments are over 7 x 7 windows around each pixel of the disc, on a pyramid of 2 x 2 means; pixels off the disc
 //! take no part. The structure and contrast terms are those of SSIM (Wang et al. 2004, doi:10.1109/TIP.2003.819861,
 //! eqs. 9 and 10) with the constant 9.
@@ -177,7 +177,7 @@ impl Picture {
     }
 }
 
-/// Quantiles (i + .5) / 64 of `values` under `weights`, linear between the middles of the steps.
+/// Quantiles (i + 0.5) / 64 of `values` under `weights`, linear between the middles of the steps.
 fn quantiles(weights: &[f64], values: &[f64]) -> [f64; QUANTILES] {
     let mut order: Vec<usize> = (0..values.len()).filter(|&i| weights[i] > 0.0).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
@@ -231,7 +231,7 @@ pub struct PictureDifference {
     pub structure: f64,
     /// 1 - mean((2 sA sB + 9) / (sA^2 + sB^2 + 9)) over windows.
     pub contrast: f64,
-    /// ln((mean sB + .5) / (mean sA + .5)) over windows at scales 0 and 2.
+    /// ln((mean sB + 0.5) / (mean sA + 0.5)) over windows at scales 0 and 2.
     pub local_deviation: [f64; 2],
     /// Mean |difference of the window means| at scale 3.
     pub local_mean: f64,
@@ -312,7 +312,7 @@ mod tests {
         let brighter: Vec<Rgb> = radiance.iter().map(|c| c.map(|v| 2.0 * v)).collect();
         let (a, b) = (Picture::new(&frame, &radiance), Picture::new(&frame, &brighter));
         let d = PictureDifference::new(&frame, &a, &b);
-        // The floor of .01 is a thousandth of the darkest pixel.
+        // The floor of 0.01 is a thousandth of the darkest pixel.
         let shift = 20.0 * 2f64.ln();
         let near = |v: f64| (v - shift).abs() < 0.02;
         assert!(near(d.mean) && near(d.fourth_power_mean) && near(d.absolute_lightness) && near(d.signed_lightness));
@@ -346,7 +346,7 @@ mod tests {
     fn quantiles_of_a_ramp() {
         let values: Vec<f64> = (0..1000).map(f64::from).collect();
         let q = quantiles(&vec![1e-3; 1000], &values);
-        // The value at level p of 0, 1, ..., 999 with steps centred on the values is 1000 p - .5.
+        // The value at level p of 0, 1, ..., 999 with steps centred on the values is 1000 p - 0.5.
         for (k, v) in q.iter().enumerate() {
             assert!((v - (1000.0 * (k as f64 + 0.5) / 64.0 - 0.5)).abs() < 1e-9);
         }

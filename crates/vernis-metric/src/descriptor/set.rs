@@ -203,7 +203,7 @@ fn context_meaning(name: &str) -> String {
             }
             None => "mean ln luminance of the reference".to_owned(),
         },
-        Some((_, fall)) => format!("ln(theta_h + .3 deg) where the reference's highlight has fallen by {fall}"),
+        Some((_, fall)) => format!("ln(theta_h + 0.3 deg) where the reference's highlight has fallen by {fall}"),
         None if name == "cxalb" => "ln luminance albedo of the reference at normal incidence".to_owned(),
         None if name == "cxalb60" => "ln luminance albedo of the reference at 60 deg".to_owned(),
         None => "ln energy of the reference's highlight above its diffuse floor".to_owned(),

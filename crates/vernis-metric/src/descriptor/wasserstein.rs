@@ -5,7 +5,7 @@
 //! the 1-Wasserstein distance on the line (Villani 2003, Topics in Optimal Transportation, remark 2.19 iii), q_A and q_B
 //! the quantiles of f_c^(1/4) over the sampled nodes of reference and candidate, c one of R, G, B and luminance. A node
 //! weighs sin theta_h dtheta_h sin theta_d dtheta_d, the solid angles of half and difference vector. The fourth root makes
-//! highlights and diffuse floors comparable. The integral is the mean over 256 levels (i + .5) / 256.
+//! highlights and diffuse floors comparable. The integral is the mean over 256 levels (i + 0.5) / 256.
 //!
 //! Cost: four sorts of 3,840 values a BRDF, then 1,024 differences a pair.
 

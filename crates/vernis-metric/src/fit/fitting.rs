@@ -187,13 +187,13 @@ impl<'a> Fitting<'a> {
             return Err(FitError::Setting {
                 what: "metric",
                 found: self.metric.name().to_owned(),
-                allowed: "a metric without jumps; D6 has some".to_owned(),
+                allowed: "a metric without jumps, and D6 has jumps".to_owned(),
             });
         }
         match (self.starts, self.coarsening, self.max_evaluations) {
             (0, _, _) | (1001.., _, _) => wrong("starts", self.starts, "1 to 1000"),
             (_, 0, _) | (_, 16.., _) => {
-                wrong("grid", self.coarsening, "1 to 15 cells of the metric to a cell of the search")
+                wrong("grid", self.coarsening, "1 to 15 cells of the metric per cell of the search")
             }
             (_, _, Some(n @ ..10)) => wrong("max-evaluations", n, "10 or more"),
             _ => Ok(()),

@@ -30,16 +30,18 @@ use thiserror::Error;
 
 /// What keeps a model from being fitted.
 #[derive(Debug, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum FitError {
     #[error(transparent)]
     Metric(#[from] MetricError),
     #[error(transparent)]
     Model(ModelError),
-    #[error("unknown model `{found}`; {}; allowed: {}, and sums such as ggx+ward", did_you_mean(nearest), names().join(", "))]
+    #[error("unknown model `{found}`; {}; the models are {}, and sums such as ggx+ward", did_you_mean(nearest), names().join(", "))]
     UnknownModel { found: String, nearest: Vec<String> },
-    #[error("{what}: found {found}, allowed: {allowed}")]
+    #[error("{what} is {found}; it must be {allowed}")]
     Setting { what: &'static str, found: String, allowed: String },
-    #[error("lbfgs needs gradients, and {what} has none; allowed: hooke-jeeves, nelder-mead")]
+    #[error("lbfgs needs gradients, and {what} has none; use hooke-jeeves or nelder-mead")]
     NoGradient { what: String },
     #[error("the start cannot be used: {reason}")]
     Start { reason: String },

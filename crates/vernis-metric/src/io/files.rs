@@ -16,7 +16,7 @@ pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         let found = std::fs::metadata(path)?.len().max(most + 1);
         return Err(io::Error::new(
             io::ErrorKind::FileTooLarge,
-            format!("the file has at least {found} bytes; allowed: at most {most}"),
+            format!("the file has at least {found} bytes; it must have at most {most}"),
         ));
     }
     Ok(bytes)
@@ -140,6 +140,6 @@ mod tests {
         fs::write(&path, [0; 10]).unwrap();
         assert_eq!(read_at_most(&path, 10).unwrap().len(), 10);
         let error = read_at_most(&path, 9).unwrap_err();
-        assert!(error.to_string().contains("at least 10 bytes; allowed: at most 9"), "{error}");
+        assert!(error.to_string().contains("at least 10 bytes; it must have at most 9"), "{error}");
     }
 }

@@ -10,6 +10,8 @@ use thiserror::Error;
 
 /// Why kept content cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum SealError {
     #[error("it cannot be read ({0})")]
     Malformed(String),

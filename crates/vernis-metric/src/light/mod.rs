@@ -18,12 +18,13 @@ use thiserror::Error;
 /// Why there is no light, shape or picture.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum LightError {
     #[error(
-        "the BRDF is {value:?} at theta_h {theta_h:.2}, theta_d {theta_d:.2}, phi_d {phi_d:.0} deg; allowed: finite numbers"
+        "the BRDF is {value:?} at theta_h {theta_h:.2}, theta_d {theta_d:.2}, phi_d {phi_d:.0} deg; it must be finite"
     )]
     NotFinite { theta_h: f64, theta_d: f64, phi_d: f64, value: Rgb },
-    #[error("the BRDF has no measurement at any of the {nodes} nodes; allowed: at least one")]
+    #[error("the BRDF has no measurement at any of the {nodes} nodes; it must have at least one")]
     NoMeasurement { nodes: usize },
     #[error("{}: light probe: {reason}", path.display())]
     Probe { path: PathBuf, reason: String },

@@ -1,15 +1,15 @@
 //! A BRDF on 40 x 16 x 6 half/difference nodes, dense where highlights and grazing reflection are.
 //!
 //!   theta_h(i) = 90 (i / 39)^2 deg, i = 0..39 (the last node at 89);
-//!   theta_d(j) = 90 (1 - (1 - v)^1.4) deg, v = .985 j / 15, j = 0..15;
+//!   theta_d(j) = 90 (1 - (1 - v)^1.4) deg, v = 0.985 j / 15, j = 0..15;
 //!   phi_d(k)   = 18 k deg, k = 0..5, the mean over the four quadrants phi, 180 - phi, 180 + phi, 360 - phi.
 //!
 //! Coordinates: Rusinkiewicz 1998, doi:10.1007/978-3-7091-6453-2_2. The square-root spacing of theta_h is that of the
 //! MERL files (Matusik et al. 2003, doi:10.1145/882262.882343). The quadrants are equal for a reciprocal BRDF with a
 //! mirror plane; fitted networks are neither exactly, and their mean is what a picture of an isotropic surface sees.
 //!
-//! A node at which a direction has a cosine below .017 (about 89 deg) cannot be measured: its value is that of the
-//! nearest smaller theta_d, in steps of .5 deg, at which it can, so that interpolation towards the horizon has
+//! A node at which a direction has a cosine below 0.017 (about 89 deg) cannot be measured: its value is that of the
+//! nearest smaller theta_d, in steps of 0.5 deg, at which it can, so that interpolation towards the horizon has
 //! something to hold on to. Such nodes are not [`NodeTable::sampled`] and take no part in angular means.
 //!
 //! Where a measurement is missing in all quadrants, the value is copied from the nearest node that has one (breadth

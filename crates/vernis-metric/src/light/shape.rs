@@ -1,7 +1,7 @@
 //! The shape in the pictures: normals seen by a distant viewer, and how much of the picture each covers.
 //!
-//! The unit sphere seen orthographically from +z on a 32 x 32 grid, x, y = (i + .5) / 16 - 1, pixels with
-//! x^2 + y^2 < .975 (788 of them), each the mean of 2 x 2 sub-samples with r^2 clipped to .985. A sphere shows every visible
+//! The unit sphere seen orthographically from +z on a 32 x 32 grid, x, y = (i + 0.5) / 16 - 1, pixels with
+//! x^2 + y^2 < 0.975 (788 of them), each the mean of 2 x 2 sub-samples with r^2 clipped to 0.985. A sphere shows every visible
 //! normal once; another shape under a distant light shows the same pixels with other frequencies, so that a mesh enters as
 //! one weight a pixel: the projected area, as seen by the viewer, of its faces whose normal falls there.
 
@@ -58,7 +58,7 @@ impl Shape {
         // Normals between the disc and the silhouette have no pixel and are left out.
         let total: f64 = shape.cells.iter().map(|&cell| area[cell]).sum();
         if !(total > 0.0 && total.is_finite()) {
-            return Err(malformed(format!("visible area {total}; allowed: finite and greater than 0")));
+            return Err(malformed(format!("its visible area is {total}; it must be finite and greater than 0")));
         }
         shape.weights = shape.cells.iter().map(|&cell| area[cell] / total).collect();
         Ok(shape)
@@ -106,7 +106,7 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
     let mut element = "";
     let mut properties = Vec::new();
     if lines.next().map(|(_, l)| l.trim()) != Some("ply") {
-        return Err("line 1: expected `ply`".into());
+        return Err("line 1 must be `ply`".into());
     }
     loop {
         let (number, line) = lines.next().ok_or("the header has no `end_header`")?;
@@ -114,11 +114,13 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
         let count = |s: &str| s.parse().map_err(|_| format!("line {}: `{s}` is not a count", number + 1));
         match words[..] {
             ["format", "ascii", _] | ["comment", ..] | ["obj_info", ..] | [] => {}
-            ["format", other, ..] => return Err(format!("format `{other}`; allowed: ascii")),
+            ["format", other, ..] => return Err(format!("its format is `{other}`; it must be ascii")),
             ["element", "vertex", n] => (element, vertices) = ("vertex", count(n)?),
             ["element", "face", n] => (element, faces) = ("face", count(n)?),
             ["element", ..] if faces > 0 => element = "",
-            ["element", name, ..] => return Err(format!("element `{name}` before the faces; allowed: vertex, face")),
+            ["element", name, ..] => {
+                return Err(format!("element `{name}` comes before the faces; only vertex and face may"));
+            }
             ["property", _, name] if element == "vertex" => properties.push(name),
             ["property", ..] => {}
             ["end_header"] => break,
@@ -130,7 +132,7 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
     let mut row = |what: &str| {
         let (number, line) = lines.next().ok_or(format!("the file ends before its last {what}"))?;
         let values: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
-        values.map(|v| (number + 1, v)).map_err(|_| format!("line {}: a {what} of numbers expected", number + 1))
+        values.map(|v| (number + 1, v)).map_err(|_| format!("line {}: a {what} must consist of numbers", number + 1))
     };
     let mut points = Vec::new();
     for _ in 0..vertices {

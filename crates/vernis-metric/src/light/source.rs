@@ -1,18 +1,18 @@
 //! Lights at infinity on a 96 x 192 latitude/longitude grid, defined by code.
 //!
-//! Frame of the pictures: viewer towards +z, y up. Row i, column j: T = (i + .5) pi / 96 from +y, P = (j + .5) 2 pi / 192,
+//! Frame of the pictures: viewer towards +z, y up. Row i, column j: T = (i + 0.5) pi / 96 from +y, P = (j + 0.5) 2 pi / 192,
 //! direction (sin T sin P, cos T, -sin T cos P). A cell holds the mean radiance over 4 x 4 finer cells weighted by sin T.
 //!
-//! *Lamps* (k0): six discs k = k0..k0+5 on a faint sky. With u_j = frac(.5 + k G^-j), j = 1..5, G = 1.1347241384015194
+//! *Lamps* (k0): six discs k = k0..k0+5 on a faint sky. With u_j = frac(0.5 + k G^-j), j = 1..5, G = 1.1347241384015194
 //! (a Kronecker sequence whose base is the root of x^6 = x + 1, the five-dimensional golden ratio):
-//!   y = -.4 + 1.2 u1; azimuth a = 2 pi u2; centre (sqrt(1-y^2) sin a, y, -sqrt(1-y^2) cos a); radius r = 10^u3 deg;
-//!   radiance L = 8^u4 (10 / r)^1.5; tau = .5 (2 u5 - 1); colour (e^tau, 1, e^-tau);
-//!   e += L colour (1 - smoothstep(r - .5, r + .5, angle in deg));
-//!   E = e / mean luminance(e) + .02 (.85 + .15 y), scaled to a mean luminance of 3.
+//!   y = -0.4 + 1.2 u1; azimuth a = 2 pi u2; centre (sqrt(1-y^2) sin a, y, -sqrt(1-y^2) cos a); radius r = 10^u3 deg;
+//!   radiance L = 8^u4 (10 / r)^1.5; tau = 0.5 (2 u5 - 1); colour (e^tau, 1, e^-tau);
+//!   e += L colour (1 - smoothstep(r - 0.5, r + 0.5, angle in deg));
+//!   E = e / mean luminance(e) + 0.02 (0.85 + 0.15 y), scaled to a mean luminance of 3.
 //! Radii over a decade give every highlight width something to answer to, as real probes do (Dror et al. 2004,
 //! doi:10.1167/4.9.11, on the statistics of real-world illumination).
 //!
-//! *Slot*: E = .16 + 9.6 smoothstep(.75, .90, y), white: one broad overhead source, for what the lamps leave to noise.
+//! *Slot*: E = 0.16 + 9.6 smoothstep(0.75, 0.90, y), white: one broad overhead source, for what the lamps leave to noise.
 //!
 //! A *probe* is a latitude/longitude picture of the user's, reduced to the grid by area and scaled to mean luminance 3.
 
@@ -150,7 +150,7 @@ impl Light {
         let light = Self::reduced(width, height, |x, y| pixels[y * width + x]);
         let mean = light.mean_luminance();
         if !(mean.is_finite() && mean > 0.0) {
-            return Err(unreadable(format!("its mean luminance is {mean}; allowed: finite and greater than 0")));
+            return Err(unreadable(format!("its mean luminance is {mean}; it must be finite and greater than 0")));
         }
         Ok(light.scaled_to(MEAN_LUMINANCE))
     }
@@ -241,7 +241,7 @@ impl ProbePicture {
             .map_err(|e| unreadable(e.to_string()))?;
         let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
         if width < COLUMNS || height < ROWS {
-            return Err(unreadable(format!("{width}x{height} pixels; allowed: at least {COLUMNS}x{ROWS}")));
+            return Err(unreadable(format!("it has {width}x{height} pixels; it must have at least {COLUMNS}x{ROWS}")));
         }
         let pixels = decoder.read_image_hdr().map_err(|e| unreadable(e.to_string()))?;
         Ok(Self { width, height, pixels: pixels.into_iter().map(|p| p.0.map(f64::from)).collect() })
@@ -263,7 +263,7 @@ mod tests {
         assert!(((disc.radiance[0] / disc.radiance[1]).ln() + 0.4684).abs() < 5e-5);
         let mean = Light::discs(1).mean_luminance();
         assert!((mean - 0.08873).abs() < 5e-6, "{mean}");
-        // In the finished light: over the mean, with the sky's mean of .02 x .85 beside it, scaled to 3.
+        // In the finished light: over the mean, with the sky's mean of 0.02 x 0.85 beside it, scaled to 3.
         let level = disc.radiance[1] / mean * 3.0 / 1.017;
         assert!((level - 689.07).abs() < 0.05, "{level}");
     }
@@ -282,7 +282,7 @@ mod tests {
             assert!((light.mean_luminance() - 3.0).abs() < 1e-12);
             assert!(light.radiance.iter().flatten().all(|v| *v > 0.0));
         }
-        // Mean of smoothstep(.75, .9, y) over the sphere: half the integral over y, (1 - .9 + .15 / 2) / 2.
+        // Mean of smoothstep(0.75, 0.9, y) over the sphere: half the integral over y, (1 - 0.9 + 0.15 / 2) / 2.
         assert!((Light::slot().mean_luminance() - (0.16 + 9.6 * 0.175 / 2.0)).abs() < 1e-3);
     }
 

@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn bytes_follow_the_curve() {
-        // IEC 61966-2-1: .18 is 118 of 255, .5 is 188.
+        // IEC 61966-2-1: 0.18 is 118 of 255, 0.5 is 188.
         assert_eq!([0.0, 0.18, 0.5, 1.0, 9.0].map(|v| srgb(v / EXPOSURE)), [0, 118, 188, 255, 255]);
     }
 

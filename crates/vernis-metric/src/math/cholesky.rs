@@ -106,7 +106,7 @@ mod tests {
         let factor = Cholesky::new(a.view(), 0.0).unwrap();
         let product = a.dot(&factor.inverse());
         assert!((&product - &Array2::<f64>::eye(3)).iter().all(|x| x.abs() < 1e-15), "{product}");
-        // 4 (6 - 1) - (2 + .5) + .5 (-1 - 1.5), by expansion.
+        // 4 (6 - 1) - (2 + 0.5) + 0.5 (-1 - 1.5), by expansion.
         assert!((factor.log_determinant() - 16.25f64.ln()).abs() < 1e-14);
         let x = factor.solve(&[1.0, 2.0, 3.0]);
         assert!(a.dot(&ndarray::Array1::from(x)).iter().zip([1.0, 2.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-14));

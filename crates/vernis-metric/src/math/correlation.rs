@@ -17,14 +17,16 @@ use thiserror::Error;
 
 /// Why two lists have no correlation.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum CorrelationError {
-    #[error("the lists differ in length: {x} and {y} values")]
+    #[error("the lists have {x} and {y} values; they must have the same number")]
     Lengths { x: usize, y: usize },
-    #[error("a correlation needs at least 2 values, found {found}")]
+    #[error("a correlation has {found} values; it must have at least 2")]
     TooFew { found: u64 },
     #[error("value {row} of the {side} list is {value}; every value must be finite")]
     NotFinite { side: &'static str, row: usize, value: f64 },
-    #[error("all values of the {side} list are equal, so that nothing can correlate with it")]
+    #[error("all values of the {side} list are equal; they must differ to have a correlation")]
     Constant { side: &'static str },
 }
 

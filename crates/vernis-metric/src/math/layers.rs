@@ -9,7 +9,7 @@ use thiserror::Error;
 
 /// A size that does not fit the one before it.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{what}: found {found}, expected {expected}")]
+#[error("the number of {what} is {found}; it must be {expected}")]
 pub struct LayerMismatch {
     /// What has the size, in words.
     pub what: String,
@@ -96,7 +96,7 @@ pub fn check_layers(layers: &[Dense], inputs: usize) -> Result<usize, LayerMisma
         size("inputs", i, layer.inputs, width.max(1))?;
         size("outputs", i, layer.outputs, layer.outputs.max(1))?;
         size("weights", i, layer.weights.len(), layer.inputs.saturating_mul(layer.outputs))?;
-        size("bias", i, layer.bias.len(), layer.outputs)?;
+        size("biases", i, layer.bias.len(), layer.outputs)?;
         width = layer.outputs;
     }
     Ok(width)
@@ -116,7 +116,7 @@ mod tests {
     fn two_layers_by_hand() {
         let layers = [layer(2, &[1.0, 2.0, -1.0, 0.5], &[0.5, 0.0]), layer(2, &[2.0, 10.0], &[1.0])];
         assert_eq!(check_layers(&layers, 2), Ok(1));
-        // 1 + 2 + .5 = 3.5; -1 + .5 = -.5, which leaks to -.05.
+        // 1 + 2 + 0.5 = 3.5; -1 + 0.5 = -0.5, which leaks to -0.05.
         assert_eq!(forward(&layers, LEAKY, &[1.0, 1.0]), [1.0 + 7.0 - 0.5]);
         assert_eq!(forward(&[], LEAKY, &[-3.0]), [-3.0]);
     }
@@ -125,13 +125,16 @@ mod tests {
     fn layers_that_do_not_chain_are_refused() {
         let refused = |layers: &[Dense], inputs| check_layers(layers, inputs).unwrap_err().to_string();
         let good = layer(1, &[1.0], &[0.0]);
-        assert_eq!(refused(std::slice::from_ref(&good), 2), "inputs of layer 0: found 1, expected 2");
+        assert_eq!(refused(std::slice::from_ref(&good), 2), "the number of inputs of layer 0 is 1; it must be 2");
         assert_eq!(
             refused(&[good.clone(), layer(1, &[1.0, 2.0], &[0.0])], 1),
-            "weights of layer 1: found 2, expected 1"
+            "the number of weights of layer 1 is 2; it must be 1"
         );
         // Without inputs or outputs there would be nothing to take rows of.
-        assert_eq!(refused(&[layer(1, &[], &[]), layer(0, &[], &[1.0])], 1), "outputs of layer 0: found 0, expected 1");
-        assert_eq!(refused(&[layer(0, &[], &[1.0])], 0), "inputs of layer 0: found 0, expected 1");
+        assert_eq!(
+            refused(&[layer(1, &[], &[]), layer(0, &[], &[1.0])], 1),
+            "the number of outputs of layer 0 is 0; it must be 1"
+        );
+        assert_eq!(refused(&[layer(0, &[], &[1.0])], 0), "the number of inputs of layer 0 is 0; it must be 1");
     }
 }

@@ -22,15 +22,18 @@ const EDGES: [f64; 2] = [0.5, 0.5];
 const SEARCH: Settings =
     Settings { factors: Factors::CLASSIC, stop: Stop::Spread(1e-12), mean: Mean::Running, most_steps: 120 };
 
+/// Why no logistic curve could be fitted.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum LogisticError {
-    #[error("a logistic fit needs as many y as x: found {y} and {x}")]
+    #[error("a logistic fit has {x} x and {y} y; it must have as many x as y")]
     Lengths { x: usize, y: usize },
-    #[error("a logistic fit needs at least 4 points, found {found}")]
+    #[error("a logistic fit has {found} points; it must have at least 4")]
     TooFewPoints { found: usize },
     #[error("point {index} of a logistic fit is ({x}, {y}); both must be finite")]
     NotFinite { index: usize, x: f64, y: f64 },
-    #[error("all {what} of a logistic fit are equal ({value})")]
+    #[error("all {what} of a logistic fit are {value}; they must differ")]
     Constant { what: &'static str, value: f64 },
 }
 

@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn quantiles_interpolate_as_numpy() {
-        // numpy.quantile([1, 2, 4, 8, 16], [.025, .975]) = [1.1, 15.2]
+        // numpy.quantile([1, 2, 4, 8, 16], [0.025, 0.975]) = [1.1, 15.2]
         let interval = Interval::percentile(vec![16.0, 1.0, 8.0, 2.0, 4.0]).unwrap();
         assert!((interval.low - 1.1).abs() < 1e-14 && (interval.high - 15.2).abs() < 1e-14);
         assert_eq!(Interval::percentile(vec![]), None);

@@ -18,8 +18,10 @@ pub const MIN_RESAMPLES: usize = 40;
 
 /// Why nothing can be drawn.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ResamplingError {
-    #[error("{what}: found {found}, allowed: at least {least}")]
+    #[error("the number of {what} is {found}; it must be at least {least}")]
     TooFew { what: &'static str, found: usize, least: usize },
 }
 
@@ -145,9 +147,9 @@ mod tests {
     #[test]
     fn what_cannot_be_resampled_is_refused() {
         let error = Resamples::draw(&blocks(1, 5), 100, 0, "a").unwrap_err().to_string();
-        assert_eq!(error, "groups of materials in a bootstrap: found 1, allowed: at least 2");
+        assert_eq!(error, "the number of groups of materials in a bootstrap is 1; it must be at least 2");
         let error = Resamples::draw(&blocks(2, 1), 3, 0, "a").unwrap_err().to_string();
-        assert_eq!(error, "resamples of a bootstrap: found 3, allowed: at least 40");
+        assert_eq!(error, "the number of resamples of a bootstrap is 3; it must be at least 40");
         // A statistic that hardly any resample has.
         let resamples = Resamples::draw(&blocks(2, 1), 100, 0, "a").unwrap();
         assert_eq!(resamples.interval(|counts| (counts[0] == 2).then_some(1.0)), None);

@@ -44,24 +44,26 @@ pub struct Properties {
 /// Why there is no distance.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum MetricError {
     #[error("{side}: {reason}")]
     Unusable { side: &'static str, reason: String },
-    #[error("{metric}: the distance is {value}, which is not a finite number")]
+    #[error("{metric}: the distance is {value}; it must be a finite number")]
     NotFinite { metric: String, value: f64 },
     #[error("{metric}: reference and candidate have no valid cell in common")]
     NoCommonCell { metric: String },
     #[error("{side}: the BRDF has no valid cell on the grid of the metric")]
     NoValidCell { side: &'static str },
     #[error(
-        "{metric}: different grids, the reference on {reference}, the candidate on {candidate}; allowed: the same grid"
+        "{metric}: the tables are on different grids, the reference on {reference} and the candidate on {candidate}; \
+         they must be on the same grid"
     )]
     DifferentGrids { metric: String, reference: String, candidate: String },
     #[error("{metric}: {reason}")]
     NotComputed { metric: String, reason: String },
     #[error("{metric}: the distance has no gradient")]
     NoGradient { metric: String },
-    #[error("{what}: found {found}, allowed: {allowed}")]
+    #[error("{what} is {found}; it must be {allowed}")]
     Parameter { what: String, found: String, allowed: String },
     #[error("{name}: {metric} is one metric and has no options")]
     NoOptions { metric: String, name: String },

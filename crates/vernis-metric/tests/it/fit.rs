@@ -162,14 +162,14 @@ fn what_cannot_be_fitted_says_why() {
     let error = refused(&Fitting::new("ggxx", &*d4), &reference).to_string();
     assert!(error.starts_with("unknown model `ggxx`; did you mean ggx"), "{error}");
     let error = refused(&Fitting::new("ggx", &*d6), &reference).to_string();
-    assert_eq!(error, "metric: found D6, allowed: a metric without jumps; D6 has some");
+    assert_eq!(error, "metric is D6; it must be a metric without jumps, and D6 has jumps");
     let lbfgs = |model, metric| Fitting { method: Method::Lbfgs, ..Fitting::new(model, metric) };
     let error = refused(&lbfgs("ggx", &*learned), &reference).to_string();
     assert!(error.contains("the metric vernis has none"), "{error}");
     let error = refused(&Fitting { starts: 0, ..Fitting::new("ggx", &*d4) }, &reference).to_string();
-    assert_eq!(error, "starts: found 0, allowed: 1 to 1000");
+    assert_eq!(error, "starts is 0; it must be 1 to 1000");
     let outside = Fitting { start: Some(Start::Parameters(vec![2.0; 7])), ..Fitting::new("ggx", &*d4) };
-    assert!(refused(&outside, &reference).to_string().contains("ggx: kd.r is 2, allowed is 0 to 1"));
+    assert!(refused(&outside, &reference).to_string().contains("ggx: kd.r is 2; it must be 0 to 1"));
     assert!("newton".parse::<Method>().unwrap_err().to_string().contains("hooke-jeeves, nelder-mead, lbfgs"));
 }
 

@@ -266,7 +266,7 @@ fn gaussian_divergence(a: f64, b: f64, distance: f64, epsilon: f64) -> f64 {
 
 #[test]
 fn gaussians_follow_their_closed_form() {
-    // The base hardly matters at alpha = .001: what remains is the value axis.
+    // The base hardly matters at alpha = 0.001: what remains is the value axis.
     let parameters = parameters(GroundCost::SquaredDistance, 0.001, 0.1, 0.99);
     let grid = grid(8, 10, 25);
     let quantiles: Vec<f64> = (0..2000).map(|k| normal_quantile((f64::from(k) + 0.5) / 2000.0)).collect();
@@ -368,7 +368,7 @@ fn extreme_tables_of_many_cells_give_finite_numbers() {
                 assert_eq!(found == 0.0, a == b || found.abs() < 1e-300, "{found}");
             }
         }
-        // All the mass moves by .3, or one cell of N by nearly 1e5.
+        // All the mass moves by 0.3, or one cell of N by nearly 1e5.
         let shift = between(&parameters, grid, &tables[0], &tables[1]);
         assert!((shift / 0.045 - 1.0).abs() < 1e-3, "{shift}");
         let peak = between(&parameters, grid, &tables[2], &tables[3]);

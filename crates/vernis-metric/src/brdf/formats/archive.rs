@@ -41,7 +41,10 @@ pub fn member(path: &Path, material: &str) -> Result<Member, BrdfError> {
     let (name, second) = (members.next(), members.next());
     drop(members);
     if let (Some(first), Some(second)) = (&name, second) {
-        return Err(malformed(path, format!("{first} and {second} are both of {material}; allowed: one member")));
+        return Err(malformed(
+            path,
+            format!("{first} and {second} are both of {material}; there must be one member for it"),
+        ));
     }
     let Some(name) = name else {
         return Err(BrdfError::UnknownMaterial {
@@ -57,7 +60,7 @@ pub fn member(path: &Path, material: &str) -> Result<Member, BrdfError> {
     let read = file.by_ref().take(most + 1).read_to_end(&mut bytes);
     read.map_err(|e| malformed(path, format!("{name}: {e}")))?;
     if bytes.len() as u64 > most {
-        return Err(malformed(path, format!("{name}: more than {most} bytes; allowed: at most that many")));
+        return Err(malformed(path, format!("{name} has more than {most} bytes; it must have at most that many")));
     }
     Ok(Member { name, bytes })
 }

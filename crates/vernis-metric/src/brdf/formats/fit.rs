@@ -172,7 +172,7 @@ impl Entry {
                 error(match e {
                     FieldError::Unknown => format!("`{field}` is no parameter of {}", mapping.model),
                     FieldError::Entries { allowed } => {
-                        format!("`{key}` has {} numbers, allowed are {allowed}", entries.len())
+                        format!("`{key}` has {} numbers; it must have {allowed}", entries.len())
                     }
                 })
             })
@@ -341,7 +341,7 @@ impl Scanner<'_> {
     }
 
     fn wrong(&self, found: &str, allowed: &str) -> String {
-        format!("column {}: found {found}, allowed is {allowed}", self.at + 1)
+        format!("column {} is {found}; it must be {allowed}", self.at + 1)
     }
 }
 
@@ -375,11 +375,11 @@ mod tests {
     #[test]
     fn a_malformed_line_says_where_and_what() {
         for (cut, expected) in [
-            (WARD.replace("albedo = [0.1, 0.2", "albedo = [0.1 0.2"), "found `0`, allowed is `]`"),
-            (WARD.replace("0.25", "nan"), "found `nan`, allowed is a finite number"),
-            (WARD.replace("0.25))", "0.25)"), "found the end of the line, allowed is `)`"),
-            (format!("{WARD} x"), "found `x`, allowed is the end of the line"),
-            (WARD.replace("Lambertian", "Lambert"), "found `Lambert`, allowed is `Lambertian`"),
+            (WARD.replace("albedo = [0.1, 0.2", "albedo = [0.1 0.2"), "is `0`; it must be `]`"),
+            (WARD.replace("0.25", "nan"), "is `nan`; it must be a finite number"),
+            (WARD.replace("0.25))", "0.25)"), "is the end of the line; it must be `)`"),
+            (format!("{WARD} x"), "is `x`; it must be the end of the line"),
+            (WARD.replace("Lambertian", "Lambert"), "is `Lambert`; it must be `Lambertian`"),
         ] {
             let message = parse_line(&cut).expect_err("malformed");
             assert!(message.contains("column") && message.contains(expected), "{message}");
@@ -387,7 +387,7 @@ mod tests {
         let entries = [
             (WARD.replace("roughness", "sharpness"), "x.fit:7: NganWard lacks the parameter `roughness`"),
             (WARD.replace("roughness", "eta = 1, roughness"), "x.fit:7: NganWard has no parameter `eta`"),
-            (WARD.replace("[1e-2, .02, 0.03]", "[1, 2]"), "x.fit:7: `albedo` has 2 numbers, allowed are 3"),
+            (WARD.replace("[1e-2, .02, 0.03]", "[1, 2]"), "x.fit:7: `albedo` has 2 numbers; it must have 3"),
             (
                 WARD.replace("NganWard", "NganPhong"),
                 "x.fit:7: model `NganPhong` is not implemented; implemented are NganWard,",

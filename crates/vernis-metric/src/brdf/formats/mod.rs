@@ -24,7 +24,7 @@ pub fn materials(path: &Path) -> Result<Vec<String>, BrdfError> {
             return Err(BrdfError::Malformed {
                 path: path.to_owned(),
                 format: "collection of materials",
-                reason: format!("the extension is `{other}`; allowed: zip, fit, bin"),
+                reason: format!("the extension is `{other}`; it must be zip, fit or bin"),
             });
         }
     };

@@ -50,7 +50,7 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
     let model = match json.get("model") {
         Some(Value::String(model)) => model,
         other => {
-            let found = other.map_or("nothing".to_owned(), Value::to_string);
+            let found = other.map_or("missing".to_owned(), Value::to_string);
             return Err(field_error("model", found, format!("one of {}", names().join(", "))));
         }
     };
@@ -67,7 +67,7 @@ fn from_object(place: &str, json: &serde_json::Map<String, Value>) -> Result<Nam
         None => Ok(parameters),
         Some(field) => {
             let entries = parameters.fields().iter().find(|(f, _)| *f == field).map_or(1, |f| f.1);
-            Err(field_error(field, "nothing".to_owned(), numbers(entries)))
+            Err(field_error(field, "missing".to_owned(), numbers(entries)))
         }
     }
 }
@@ -82,15 +82,15 @@ fn fields<'a>(
     };
     // What is newer may look different: this comes first.
     if !format.as_u64().is_some_and(|f| (1..=u64::from(FIT_FORMAT)).contains(&f)) {
-        let reader = json.get("readable_from").and_then(Value::as_str).unwrap_or("a newer version");
-        let allowed =
-            format!("1 to {FIT_FORMAT} in vernis {}; this file needs vernis {reader}", env!("CARGO_PKG_VERSION"));
+        let reader = json.get("readable_from").and_then(Value::as_str);
+        let reader = reader.map_or("a newer vernis".to_owned(), |version| format!("vernis {version}"));
+        let allowed = format!("1 to {FIT_FORMAT} in vernis {}; this file needs {reader}", env!("CARGO_PKG_VERSION"));
         return Err(error("format", format.to_string(), allowed));
     }
     match json.get("parameters") {
         Some(Value::Object(parameters)) => Ok(parameters.iter().collect()),
         other => {
-            let found = other.map_or("nothing".to_owned(), Value::to_string);
+            let found = other.map_or("missing".to_owned(), Value::to_string);
             Err(error("parameters", found, "an object of the model's fields".to_owned()))
         }
     }
@@ -136,5 +136,5 @@ pub(in crate::brdf) fn set(
 }
 
 fn numbers(count: usize) -> String {
-    if count == 1 { "one number".to_owned() } else { format!("{count} numbers, one a colour channel") }
+    if count == 1 { "one number".to_owned() } else { format!("{count} numbers, one per colour channel") }
 }

@@ -70,11 +70,11 @@ impl Nbrdf {
             let dataset = file.dataset(name).map_err(|e| format!("{name}: {e}"))?;
             let found = dataset.shape().map_err(|e| format!("{name}: {e}"))?;
             if found != shape {
-                return Err(format!("{name} has shape {found:?}, allowed is {shape:?}"));
+                return Err(format!("{name} has shape {found:?}; it must have {shape:?}"));
             }
             let values = dataset.read_f32().map_err(|e| format!("{name}: {e}"))?;
             match values.iter().position(|v| !v.is_finite()) {
-                Some(k) => Err(format!("{name} holds {} at {k}, allowed is a finite number", values[k])),
+                Some(k) => Err(format!("{name} holds {} at {k}; it must hold finite numbers", values[k])),
                 None => Ok(values),
             }
         };

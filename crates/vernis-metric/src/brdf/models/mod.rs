@@ -69,20 +69,23 @@ pub struct Parameter {
 /// What is wrong with the parameters of a model.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ModelError {
-    #[error("{model}: {parameter} is {found}, allowed is {} to {}", allowed.0, allowed.1)]
+    #[error("{model}: {parameter} is {found}; it must be {} to {}", allowed.0, allowed.1)]
     OutOfBounds { model: String, parameter: String, found: f64, allowed: (f64, f64) },
-    #[error("{model}: {found} parameters were given, the model has {expected}")]
+    #[error("{model}: {found} parameters were given; the model has {expected}")]
     Count { model: String, found: usize, expected: usize },
-    #[error("{model}: the terms of a sum are models with lobes, the first of which may be lambert, and {term} is none")]
+    #[error(
+        "{model}: {term} has no lobe; each term of a sum must be a model with a lobe, and only the first may be lambert"
+    )]
     Term { model: String, term: String },
-    #[error("no light comes back to where it came from, so the reference has no distribution of facets")]
+    #[error("the reference sends no light back to its source, so it has no distribution of facets")]
     NoRetroreflection,
     #[error("unknown model `{found}`; the models are {}, and sums such as ggx+ward", names().join(", "))]
     UnknownModel { found: String },
     #[error("the model name `{found}` is taken")]
     NameTaken { found: String },
-    #[error("`{found}` is no name for a model; allowed: lower-case letters, digits and -")]
+    #[error("`{found}` is not a name for a model; it must consist of lower-case letters, digits and -")]
     Name { found: String },
 }
 

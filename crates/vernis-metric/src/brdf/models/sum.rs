@@ -155,6 +155,6 @@ mod tests {
         assert!(message("ggx+lambert", &[]).contains("lambert is none"));
         assert!(message("lambert+ward", &[0.0; 4]).contains("4 parameters were given, the model has 7"));
         let text = message("lambert+ward", &[0.0, 0.0, 0.0, 0.1, 0.1, 0.1, 3.0]);
-        assert_eq!(text, "lambert+ward: 2.alpha is 3, allowed is 0.001 to 2");
+        assert_eq!(text, "lambert+ward: 2.alpha is 3; it must be 0.001 to 2");
     }
 }

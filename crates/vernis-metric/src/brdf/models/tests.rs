@@ -144,7 +144,7 @@ fn rebuilding_from_the_parameter_vector_changes_nothing() {
                 let mut p = p.clone();
                 p[k] = wrong;
                 let message = build(model.model(), &p).err().expect("out of bounds").to_string();
-                assert!(message.contains(&*model.schema()[k].name) && message.contains("allowed"), "{message}");
+                assert!(message.contains(&*model.schema()[k].name) && message.contains("it must be"), "{message}");
             }
         }
         assert!(matches!(build(model.model(), &p[1..]), Err(ModelError::Count { .. })));

@@ -31,16 +31,18 @@ const EPSILON: f64 = 1e-3;
 
 /// What is wrong with the references of a manifold.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ManifoldError {
-    #[error("{found} references; a manifold needs at least 2 that differ")]
+    #[error("the manifold has {found} references; it must have at least 2 that differ")]
     TooFew { found: usize },
     #[error("reference {index}: {cause}")]
     Reference { index: usize, cause: TableError },
-    #[error("no reference number {found}; allowed: 0 to {last}")]
+    #[error("there is no reference {found}; it must be 0 to {last}")]
     NoReference { found: usize, last: usize },
-    #[error("sample {found}; allowed: 0 (the reference itself) to {SAMPLES}")]
+    #[error("there is no sample {found}; it must be 0 (the reference itself) to {SAMPLES}")]
     NoSample { found: usize },
-    #[error("the sample is no table: {0}")]
+    #[error("the sample is not a table: {0}")]
     Sample(TableError),
     #[error("no points were found for the references: {reason}")]
     Search { reason: String },

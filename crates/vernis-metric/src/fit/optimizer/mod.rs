@@ -68,7 +68,7 @@ impl FromStr for Method {
         Self::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| FitError::Setting {
             what: "optimizer",
             found: text.to_owned(),
-            allowed: Self::ALL.map(Self::name).join(", "),
+            allowed: format!("one of {}", Self::ALL.map(Self::name).join(", ")),
         })
     }
 }

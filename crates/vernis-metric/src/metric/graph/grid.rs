@@ -100,7 +100,7 @@ fn wrong(found: String) -> MetricError {
         AZIMUTHS.start(),
         AZIMUTHS.end()
     );
-    MetricError::Parameter { what: "grid".to_owned(), found, allowed }
+    MetricError::Parameter { what: "grid".to_owned(), found: format!("`{found}`"), allowed }
 }
 
 #[cfg(test)]
@@ -116,7 +116,7 @@ mod tests {
             ["", "45", "45x45", "45x45x180x3", "0x45x180", "45x1x180", "45x45x721", "181x45x180", "axbxc", "-1x4x4"]
         {
             let message = text.parse::<GraphGrid>().unwrap_err().to_string();
-            assert!(message.starts_with(&format!("grid: found {text}, allowed: THETA_IxTHETA_OxPHI_D")), "{message}");
+            assert!(message.starts_with(&format!("grid is `{text}`; it must be THETA_IxTHETA_OxPHI_D")), "{message}");
         }
     }
 

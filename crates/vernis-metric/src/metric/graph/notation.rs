@@ -1,4 +1,4 @@
-//! Members of a family of metrics by their options: `energy[phi=log:eta=.01,alpha=.05]`.
+//! Members of a family of metrics by their options: `energy[phi=log:eta=0.01,alpha=0.05]`.
 
 use super::{GraphGrid, Tone};
 use crate::io::{did_you_mean, nearest};
@@ -20,18 +20,22 @@ impl<'a> Options<'a> {
         let Some((family, rest)) = name.split_once('[') else {
             return Ok((name, Self { name, pairs: Vec::new() }));
         };
-        let wrong = |found: &str, allowed: &str| MetricError::Parameter {
-            what: name.to_owned(),
+        let wrong = |what: String, found: &str, allowed: &str| MetricError::Parameter {
+            what,
             found: found.to_owned(),
             allowed: allowed.to_owned(),
         };
-        let inner = rest.strip_suffix(']').ok_or_else(|| wrong("no closing bracket", "NAME[KEY=VALUE,...]"))?;
+        let inner = rest
+            .strip_suffix(']')
+            .ok_or_else(|| wrong(name.to_owned(), "without its closing bracket", "written NAME[KEY=VALUE,...]"))?;
         let mut pairs: Vec<(&str, &str)> = Vec::new();
         for part in inner.split(',').map(str::trim).filter(|part| !part.is_empty()) {
-            let (key, value) = part.split_once('=').ok_or_else(|| wrong(part, "KEY=VALUE"))?;
+            let (key, value) = part
+                .split_once('=')
+                .ok_or_else(|| wrong(format!("{name}: an option"), &format!("`{part}`"), "KEY=VALUE"))?;
             let (key, value) = (key.trim(), value.trim());
             if pairs.iter().any(|(known, _)| *known == key) {
-                return Err(wrong(&format!("`{key}` twice"), "each option once"));
+                return Err(wrong(format!("{name}: `{key}`"), "given twice", "given once"));
             }
             pairs.push((key, value));
         }
@@ -56,15 +60,15 @@ impl<'a> Options<'a> {
             Ok(value) if check(value) => Ok(Some(value)),
             _ => Err(MetricError::Parameter {
                 what: format!("{}: {key}", self.name),
-                found: text.to_owned(),
+                found: if text.is_empty() { "empty".to_owned() } else { text.to_owned() },
                 allowed: allowed.to_owned(),
             }),
         }
     }
 
-    /// phi and eta: `phi=t^1/4`, `phi=log:eta=.01`, or `phi=log,eta=.01`.
+    /// phi and eta: `phi=t^1/4`, `phi=log:eta=0.01`, or `phi=log,eta=0.01`.
     pub fn tone(&mut self) -> Result<Option<Tone>, MetricError> {
-        let eta = self.number("eta", |eta| eta > 0.0 && eta.is_finite(), "a number above 0")?;
+        let eta = self.number("eta", |eta| eta > 0.0 && eta.is_finite(), "a number greater than 0")?;
         match (self.take("phi"), eta) {
             (Some(phi), eta) => Tone::parse(phi, eta).map(Some),
             (None, Some(eta)) => Tone::log(eta).map(Some),
@@ -74,7 +78,11 @@ impl<'a> Options<'a> {
 
     /// The power of the sum of the channels.
     pub fn gamma(&mut self) -> Result<Option<f64>, MetricError> {
-        self.number("gamma", |gamma| gamma > 0.0 && gamma <= 4.0, "above 0, to 4 (the study's are .25, .35, .5)")
+        self.number(
+            "gamma",
+            |gamma| gamma > 0.0 && gamma <= 4.0,
+            "greater than 0 and at most 4 (the study uses 0.25, 0.35, 0.5)",
+        )
     }
 
     /// The cells that are compared.
@@ -88,9 +96,9 @@ impl<'a> Options<'a> {
         let similar = nearest(key, known);
         let hint = if similar.is_empty() { String::new() } else { format!(" ({})", did_you_mean(&similar)) };
         Err(MetricError::Parameter {
-            what: self.name.to_owned(),
-            found: format!("the option `{key}`{hint}"),
-            allowed: known.join(", "),
+            what: format!("{}: an option", self.name),
+            found: format!("`{key}`{hint}"),
+            allowed: format!("one of {}", known.join(", ")),
         })
     }
 }
@@ -117,17 +125,23 @@ mod tests {
                 Ok(parts) => parts,
                 Err(error) => return error.to_string(),
             };
-            match options.number("alpha", |a| a > 0.0, "a number above 0") {
+            match options.number("alpha", |a| a > 0.0, "a number greater than 0") {
                 Ok(_) => options.finish(&["alpha", "gamma", "phi"]).unwrap_err().to_string(),
                 Err(error) => error.to_string(),
             }
         };
-        assert_eq!(refused("ot[alpha=0]"), "ot[alpha=0]: alpha: found 0, allowed: a number above 0");
-        assert_eq!(refused("ot[alpha=x]"), "ot[alpha=x]: alpha: found x, allowed: a number above 0");
-        assert_eq!(refused("ot[alpha=1"), "ot[alpha=1: found no closing bracket, allowed: NAME[KEY=VALUE,...]");
-        assert!(refused("ot[alpha=1,alpha=2]").contains("found `alpha` twice"));
-        assert!(refused("ot[alpha]").contains("found alpha, allowed: KEY=VALUE"));
-        assert!(refused("ot[gama=1]").contains("the option `gama` (did you mean gamma?), allowed: alpha, gamma, phi"));
-        assert!(refused("ot[xyz=1]").ends_with("found the option `xyz`, allowed: alpha, gamma, phi"));
+        assert_eq!(refused("ot[alpha=0]"), "ot[alpha=0]: alpha is 0; it must be a number greater than 0");
+        assert_eq!(refused("ot[alpha=x]"), "ot[alpha=x]: alpha is x; it must be a number greater than 0");
+        assert_eq!(refused("ot[alpha=]"), "ot[alpha=]: alpha is empty; it must be a number greater than 0");
+        assert_eq!(
+            refused("ot[alpha=1"),
+            "ot[alpha=1 is without its closing bracket; it must be written NAME[KEY=VALUE,...]"
+        );
+        assert!(refused("ot[alpha=1,alpha=2]").contains("`alpha` is given twice; it must be given once"));
+        assert!(refused("ot[alpha]").contains("an option is `alpha`; it must be KEY=VALUE"));
+        assert!(
+            refused("ot[gama=1]").contains("an option is `gama` (did you mean gamma?); it must be one of alpha, gamma")
+        );
+        assert!(refused("ot[xyz=1]").ends_with("an option is `xyz`; it must be one of alpha, gamma, phi"));
     }
 }

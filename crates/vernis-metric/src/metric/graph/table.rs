@@ -358,7 +358,8 @@ mod tests {
         let error = on("6x6x24").common_cells(&on("9x9x36"), "ot").unwrap_err().to_string();
         assert_eq!(
             error,
-            "ot: different grids, the reference on 6x6x24, the candidate on 9x9x36; allowed: the same grid"
+            "ot: the tables are on different grids, the reference on 6x6x24 and the candidate on 9x9x36; \
+             they must be on the same grid"
         );
         let half = table(Grid::TITOPO_HALF, &[]);
         let full = table(Grid::TITOPO, &[]);

@@ -24,7 +24,7 @@ pub enum Tone {
     },
 }
 
-const ALLOWED: &str = "t, t^1/2, t^1/3, t^1/4, log:eta=E with E > 0";
+const ALLOWED: &str = "t, t^1/2, t^1/3, t^1/4, or log:eta=E with E > 0";
 
 impl Tone {
     /// The eight of the study.
@@ -45,7 +45,11 @@ impl Tone {
         if eta > 0.0 && eta.is_finite() {
             return Ok(Self::Log { eta });
         }
-        Err(MetricError::Parameter { what: "eta".into(), found: eta.to_string(), allowed: "a number above 0".into() })
+        Err(MetricError::Parameter {
+            what: "eta".into(),
+            found: eta.to_string(),
+            allowed: "a number greater than 0".into(),
+        })
     }
 
     /// phi(max(t, 0)).
@@ -92,7 +96,7 @@ impl Tone {
         let tone = match (name, inner.or(eta)) {
             ("log", Some(eta)) => return Self::log(eta),
             ("log", None) => {
-                return wrong("log without eta".into(), "log:eta=E with E > 0, the study's are .001, .01, .1, 1");
+                return wrong("log without eta".into(), "log:eta=E with E > 0 (the study uses 0.001, 0.01, 0.1, 1)");
             }
             ("t" | "linear", _) => Self::Linear,
             ("t^1/2" | "sqrt", _) => Self::Sqrt,
@@ -101,7 +105,7 @@ impl Tone {
             _ => return wrong(name.to_owned(), ALLOWED),
         };
         match inner.or(eta) {
-            Some(eta) => wrong(format!("{name} with eta={eta}"), "eta beside log alone"),
+            Some(eta) => wrong(format!("{name} with eta={eta}"), "log where eta is given"),
             None => Ok(tone),
         }
     }
@@ -146,11 +150,11 @@ mod tests {
         }
         assert_eq!(Tone::parse("log", Some(0.01)), Ok(Tone::Log { eta: 0.01 }));
         let refused = |name, eta| Tone::parse(name, eta).unwrap_err().to_string();
-        assert!(refused("t^1/5", None).contains("found t^1/5, allowed: t, t^1/2"));
+        assert!(refused("t^1/5", None).contains("phi is t^1/5; it must be t, t^1/2"));
         assert!(refused("log", None).contains("log without eta"));
-        assert!(refused("log:eta=0", None).starts_with("eta: found 0, allowed: a number above 0"));
-        assert!(refused("log:eta=x", None).contains("found log:eta=x"));
-        assert!(refused("log", Some(f64::NAN)).contains("found NaN"));
-        assert!(refused("t^1/4", Some(0.1)).contains("eta beside log alone"));
+        assert!(refused("log:eta=0", None).starts_with("eta is 0; it must be a number greater than 0"));
+        assert!(refused("log:eta=x", None).contains("phi is log:eta=x"));
+        assert!(refused("log", Some(f64::NAN)).contains("eta is NaN"));
+        assert!(refused("t^1/4", Some(0.1)).contains("phi is t^1/4 with eta=0.1; it must be log where eta is given"));
     }
 }

@@ -28,8 +28,8 @@ const BLUR: (f64, f64) = (1e-3, 1e3);
 const DEFAULT_BLUR: f64 = 0.05;
 
 impl KernelMetric {
-    /// The metrics of the registry: the study's best energy distance (phi t^(1/3), alpha .1, gamma .25), and both MMD with
-    /// the same parameters and blur .05.
+    /// The metrics of the registry: the study's best energy distance (phi t^(1/3), alpha 0.1, gamma 0.25), and both MMD with
+    /// the same parameters and blur 0.05.
     pub fn presets() -> [Self; 3] {
         let kernels =
             [Kernel::Energy, Kernel::Gaussian { blur: DEFAULT_BLUR }, Kernel::Laplacian { blur: DEFAULT_BLUR }];
@@ -41,7 +41,7 @@ impl KernelMetric {
         })
     }
 
-    /// The member of a family that `name` describes, such as `energy[phi=log:eta=.01,alpha=.05]`; what is not given is as in
+    /// The member of a family that `name` describes, such as `energy[phi=log:eta=0.01,alpha=0.05]`; what is not given is as in
     /// the preset.
     ///
     /// # Errors

@@ -22,9 +22,9 @@
 //! "Energy statistics", J. Stat. Plan. Inference 143, 2013, doi:10.1016/j.jspi.2013.03.018. GeomLoss's `tensorized` back end
 //! clamps squared distances at 1e-8, which doubles values of near-identical pairs; here nothing is clamped.
 //!
-//! Accuracy against the sums over all pairs: 1 % for the energy distance and the Gaussian MMD, .1 % at 45x45x180 where that
+//! Accuracy against the sums over all pairs: 1 % for the energy distance and the Gaussian MMD, 0.1 % at 45x45x180 where that
 //! has been computed (some minutes a channel), 3 % for the Laplacian MMD; near-identical pairs (one part in a thousand) at
-//! alpha .01, whose values lie many nodes apart, may be worse. Cost: .05 to .5 s a channel at 45x45x180, 20 to 50 MB.
+//! alpha 0.01, whose values lie many nodes apart, may be worse. Cost: 0.05 to 0.5 s a channel at 45x45x180, 20 to 50 MB.
 
 mod axis;
 mod direct;

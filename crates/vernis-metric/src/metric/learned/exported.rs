@@ -35,6 +35,7 @@ const DIGITS: usize = 7;
 /// Why there is no exported metric.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExportedError {
     #[error("{file}, line {line}, column {column}: not an exported metric: {reason}")]
     Json { file: String, line: usize, column: usize, reason: String },
@@ -46,17 +47,17 @@ pub enum ExportedError {
     UnknownFamily { file: String, source: Box<DescriptorError> },
     #[error("{file}: {source}")]
     Setup { file: String, source: Box<DescriptorError> },
-    #[error("{file}: input {index} is {found}, but the descriptors have {expected} there")]
+    #[error("{file}: input {index} is {found}; it must be {expected}, as in the descriptors")]
     Columns { file: String, index: usize, found: String, expected: String },
-    #[error("{file}: {what} is {found}; allowed: {allowed}")]
+    #[error("{file}: {what} is {found}; it must be {allowed}")]
     Value { file: String, what: &'static str, found: String, allowed: &'static str },
     #[error("{file}: {part}: {source}")]
     Regressor { file: String, part: String, source: RegressorError },
     #[error("the exported metric {name} cannot be written: {reason}")]
     Write { name: String, reason: String },
-    #[error("{found} descriptors, but the metric {name} takes {expected}")]
+    #[error("the metric {name} was given {found} descriptors; it takes {expected}")]
     Inputs { name: String, found: usize, expected: usize },
-    #[error("{name}: descriptor {column} is {value}, which is not a finite number")]
+    #[error("{name}: descriptor {column} is {value}; it must be a finite number")]
     NotFinite { name: String, column: String, value: f64 },
 }
 

@@ -15,10 +15,15 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// Why a regressor cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum RegressorError {
-    #[error("{what}: found {found}, expected {expected}")]
+    #[error("the number of {what} is {found}; it must be {expected}")]
     Shape { what: String, found: usize, expected: usize },
+    #[error("the input of feature {feature} is number {found}; it must be at most {last}")]
+    Input { feature: usize, found: usize, last: usize },
     #[error("{what} is not a finite number")]
     NotFinite { what: String },
     #[error("{what} must be greater than 0")]
@@ -117,11 +122,7 @@ impl Standardizer {
             positive(&format!("scale of feature {i}"), f.scale)?;
             positive(&format!("gain of feature {i}"), f.gain)?;
             if f.input >= inputs {
-                return Err(RegressorError::Shape {
-                    what: format!("input of feature {i}"),
-                    found: f.input,
-                    expected: inputs.saturating_sub(1),
-                });
+                return Err(RegressorError::Input { feature: i, found: f.input, last: inputs.saturating_sub(1) });
             }
         }
         Ok(())
@@ -338,7 +339,7 @@ impl Function {
             Function::Kernel { kernel, weights, landmarks } => {
                 positive("the kernel's length", kernel.length)?;
                 finite("the kernel's linear part", &[kernel.linear])?;
-                shape("numbers of the landmarks", landmarks.len(), weights.len() * features)?;
+                shape("values in the landmarks", landmarks.len(), weights.len() * features)?;
                 finite("a kernel weight", weights)?;
                 finite("a landmark", landmarks)
             }

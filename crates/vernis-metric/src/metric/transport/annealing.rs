@@ -1,4 +1,4 @@
-//! The schedule of epsilons of GeomLoss, which is part of the value: at scaling .8 the potentials have not converged
+//! The schedule of epsilons of GeomLoss, which is part of the value: at scaling 0.8 the potentials have not converged
 //! when it ends (the value is up to 27 % off the limit).
 //!
 //!   epsilon_0 = D^p;   epsilon_k = exp(p ln D + (k - 1) p ln s) as long as it exceeds b^p, k = 1, 2 ...;   last b^p
@@ -10,7 +10,7 @@
 
 use super::{SinkhornParameters, TransportError};
 
-/// More epsilons than this are refused: scaling .99999 over eight decades.
+/// More epsilons than this are refused: scaling 0.99999 over eight decades.
 const MOST_STEPS: usize = 1_000_000;
 
 /// The epsilons in their order.
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn epsilons_are_those_of_geomloss() {
-        // geomloss.sinkhorn_divergence.epsilon_schedule(2, 1., .5, .8): [1, 1, .64, .4096, .262144, .25].
+        // geomloss.sinkhorn_divergence.epsilon_schedule(2, 1., 0.5, 0.8): [1, 1, 0.64, 0.4096, 0.262144, 0.25].
         let parameters = SinkhornParameters::new(GroundCost::SquaredDistance, 0.1, 0.5, 0.8).unwrap();
         let found = Annealing::new(&parameters, 1.0).unwrap().epsilons;
         let expected = [1.0, 1.0, 0.64, 0.4096, 0.262144, 0.25];

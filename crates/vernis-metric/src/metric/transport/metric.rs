@@ -23,7 +23,7 @@ pub struct TransportMetric {
 }
 
 const FAMILY: &str = "ot";
-/// The study's best on average: p 2, alpha .1, blur (epsilon) .05, scaling (s) .8, phi t^(1/4), gamma .25.
+/// The study's best on average: p 2, alpha 0.1, blur (epsilon) 0.05, scaling (s) 0.8, phi t^(1/4), gamma 0.25.
 const BEST: (f64, f64, f64) = (0.1, 0.05, 0.8);
 const OPTIONS: [&str; 11] =
     ["p", "alpha", "blur", "scaling", "gamma", "phi", "eta", "grid", "accuracy", "kappa", "nodes"];
@@ -37,7 +37,7 @@ impl TransportMetric {
         Self::named(FAMILY)
     }
 
-    /// The member of the family that `name` describes, such as `ot[p=2,alpha=.1,blur=.05,scaling=.8,gamma=.25,phi=t^1/4]`;
+    /// The member of the family that `name` describes, such as `ot[p=2,alpha=0.1,blur=0.05,scaling=0.8,gamma=0.25,phi=t^1/4]`;
     /// what is not given is as in [`TransportMetric::preset`]. Accuracy is `coarse`, `fast`, `standard` or
     /// `high`, or `kappa` (value nodes to a blur) and `nodes` (base nodes an axis) ([`Accuracy`]).
     ///
@@ -53,12 +53,18 @@ impl TransportMetric {
             Some(1.0) => GroundCost::Distance,
             _ => GroundCost::SquaredDistance,
         };
-        let alpha =
-            options.number("alpha", above, "a number above 0 (the study's: .01, .05, .1, 1)")?.unwrap_or(BEST.0);
-        let blur =
-            options.number("blur", above, "a number above 0 (the study's: .01, .02, .05, .1)")?.unwrap_or(BEST.1);
+        let alpha = options
+            .number("alpha", above, "a number greater than 0 (the study uses 0.01, 0.05, 0.1, 1)")?
+            .unwrap_or(BEST.0);
+        let blur = options
+            .number("blur", above, "a number greater than 0 (the study uses 0.01, 0.02, 0.05, 0.1)")?
+            .unwrap_or(BEST.1);
         let scaling = options
-            .number("scaling", |s| s > 0.0 && s < 1.0, "above 0, below 1 (the study's: .8, .9, .95, .99)")?
+            .number(
+                "scaling",
+                |s| s > 0.0 && s < 1.0,
+                "greater than 0 and less than 1 (the study uses 0.8, 0.9, 0.95, 0.99)",
+            )?
             .unwrap_or(BEST.2);
         let parameter = |cause: TransportError| wrong(name, &cause);
         let parameters = SinkhornParameters::new(cost, alpha, blur, scaling).map_err(parameter)?;
@@ -148,7 +154,7 @@ fn accuracy(name: &str, options: &mut Options<'_>, alpha: f64, blur: f64) -> Res
     let mut accuracy = Accuracy::named(level, alpha, blur).ok_or_else(|| MetricError::Parameter {
         what: format!("{name}: accuracy"),
         found: level.to_owned(),
-        allowed: Accuracy::NAMES.join(", "),
+        allowed: format!("one of {}", Accuracy::NAMES.join(", ")),
     })?;
     let integer = |range: std::ops::RangeInclusive<f64>| move |x: f64| x.fract() == 0.0 && range.contains(&x);
     if let Some(kappa) = options.number("kappa", integer(1.0..=256.0), "an integer from 1 to 256")? {

@@ -55,25 +55,27 @@ pub const FAMILY: &str = "transport";
 
 /// Why there is no divergence.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum TransportError {
-    #[error("{name}: {found} is not {allowed}")]
+    #[error("{name} is {found}; it must be {allowed}")]
     Parameter { name: &'static str, found: f64, allowed: &'static str },
     #[error(
-        "p = {p}, alpha = {alpha}, blur = {blur} needs sums over all pairs of cells, which stop at {allowed} cells \
-         (15 x 15 x 60); the grid has {cells}"
+        "p = {p}, alpha = {alpha}, blur = {blur} needs sums over all pairs of cells, and the grid has {cells} \
+         cells; it must have at most {allowed} cells (15 x 15 x 60)"
     )]
     TooManyCells { p: f64, alpha: f64, blur: f64, cells: usize, allowed: usize },
     #[error(
-        "the annealing takes {found} steps, at most {allowed} are allowed: take a smaller scaling or a larger blur"
+        "the annealing takes {found} steps; it must take at most {allowed}: choose a smaller scaling or a larger blur"
     )]
     TooManySteps { found: f64, allowed: usize },
-    #[error("the graph takes {found} nodes, at most {allowed} are allowed: compress the values more, or blur more")]
+    #[error("the graph takes {found} nodes; it must take at most {allowed}: compress the values more, or blur more")]
     TooManyNodes { found: usize, allowed: usize },
-    #[error("cell {cell} has the value {found}; at this blur, at most {allowed} is allowed")]
+    #[error("the value of cell {cell} is {found}; at this blur it must be at most {allowed}")]
     ValueTooLarge { cell: usize, found: f64, allowed: f64 },
-    #[error("cell {cell} is valid and has the value {found}, which is not a finite number")]
+    #[error("the value of valid cell {cell} is {found}; it must be a finite number")]
     NotFinite { cell: usize, found: f64 },
-    #[error("{what}: found {found}, the grid has {expected} cells")]
+    #[error("the {what} given cover {found} cells; they must cover the {expected} cells of the grid")]
     Length { what: &'static str, found: usize, expected: usize },
     #[error("the channel has no valid cell")]
     NoValidCell,

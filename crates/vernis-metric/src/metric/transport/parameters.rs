@@ -24,8 +24,8 @@ impl GroundCost {
 
 /// How finely the quantised method resolves the graph.
 ///
-/// Errors against the exact divergence are below 1 % (and below .1 % at [`Accuracy::high`]) where the spacing of the
-/// base nodes is at most about .6 blur and that of the value nodes at most blur/4; [`Accuracy::standard`] follows
+/// Errors against the exact divergence are below 1 % (and below 0.1 % at [`Accuracy::high`]) where the spacing of the
+/// base nodes is at most about 0.6 blur and that of the value nodes at most blur/4; [`Accuracy::standard`] follows
 /// from that. An axis with few cells (at most 4/3 of the nodes) keeps them, and is exact; grids of
 /// at most 200 kappa cells are summed directly, and are exact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -37,7 +37,7 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// The default: kappa 8 and 4 base nodes an axis at alpha .1, blur .05. Bases of more than 1,000 nodes take kappa 6,
+    /// The default: kappa 8 and 4 base nodes an axis at alpha 0.1, blur 0.05. Bases of more than 1,000 nodes take kappa 6,
     /// for the sake of memory.
     pub fn standard(alpha: f64, blur: f64) -> Self {
         let base_nodes = Self::nodes(alpha, blur, 1.5);

@@ -28,13 +28,13 @@ fn merl_files_of_the_wrong_size_or_header() {
     for cut in [good.len() - 1, good.len() / 2, 12] {
         let text = at(&good[..cut]);
         let allowed = if cut == 12 { "34992012 or 69984012" } else { "34992012 for its header 90x90x180" };
-        assert_eq!(text, format!("alum-bronze.binary: the file has {cut} bytes, MERL needs {allowed}"));
+        assert_eq!(text, format!("alum-bronze.binary: the file has {cut} bytes; MERL needs {allowed}"));
     }
     assert!(at(&[]).contains("the file has 0 bytes"));
     assert!(at(&[good.clone(), vec![0]].concat()).contains("the file has 34992013 bytes"));
     let mut other = good.clone();
     other[8] = 181;
-    assert_eq!(at(&other), "alum-bronze.binary: header says 90x90x181, MERL needs 90x90x180 or 90x90x360");
+    assert_eq!(at(&other), "alum-bronze.binary: the header says 90x90x181; MERL needs 90x90x180 or 90x90x360");
     // A header of the larger form before the smaller body.
     other[8..10].copy_from_slice(&360u16.to_le_bytes());
     assert!(at(&other).contains("MERL needs 69984012 for its header 90x90x360"));
@@ -47,7 +47,7 @@ fn merl_numbers_that_are_none_are_refused_and_negative_ones_masked() {
     for wrong in [f64::NAN, f64::INFINITY, 1e300] {
         let text = message(merl::decode(path, &merl_bytes(&[(1, cell, wrong)])));
         assert!(text.starts_with("x.binary: G plane, cell theta_h 45, theta_d 30, phi_d 77 holds "), "{text}");
-        assert!(text.contains("allowed is a finite number"), "{text}");
+        assert!(text.contains("it must hold a finite number"), "{text}");
     }
     let table = merl::decode(path, &merl_bytes(&[(2, cell, -1.0), (0, 5, -1e-9)])).expect("negative is allowed");
     let masked: Vec<usize> = (0..Grid::MERL.len()).filter(|k| !table.valid()[*k]).collect();
@@ -65,11 +65,11 @@ fn titopo_files_of_the_wrong_size_and_unknown_cells() {
     for bytes in [&good[..good.len() - 4], &[&good[..], &[0; 4]].concat(), &[]] {
         let text = message(titopo::decode(path, bytes));
         let expected =
-            format!("x.T.titopoh: the file has {} bytes, Titopo at half resolution needs exactly 4374000", bytes.len());
+            format!("x.T.titopoh: the file has {} bytes; Titopo at half resolution needs exactly 4374000", bytes.len());
         assert_eq!(text, expected);
     }
     let text = message(titopo::decode(Path::new("x.T.titopo"), &good));
-    assert_eq!(text, "x.T.titopo: the file has 4374000 bytes, Titopo needs exactly 34992000");
+    assert_eq!(text, "x.T.titopo: the file has 4374000 bytes; Titopo needs exactly 34992000");
     let mut gaps = good;
     for (cell, value) in [(7, f32::NAN), (100, -0.5), (101, f32::INFINITY)] {
         gaps[12 * cell + 4..12 * cell + 8].copy_from_slice(&value.to_le_bytes());
@@ -115,16 +115,16 @@ fn models_in_json() {
     for (text, query, expected) in [
         (&good.replace("alpha", "alfa")[..], "", "m.json: ggx has no parameter `alfa`; did you mean alpha"),
         (&good.replace("ggx", "gxx"), "", "m.json: unknown model `gxx`; did you mean ggx"),
-        (&good.replace("\"alpha\":0.15", "\"alpha\":\"x\""), "", "m.json: alpha: found \"x\", allowed is one number"),
-        (&good.replace(",0.05]", "]"), "", "m.json: kd: found [0.2,0.1], allowed is 3 numbers"),
-        (&good.replace(",\"alpha\":0.15", ""), "", "m.json: alpha: found nothing, allowed is one number"),
-        (&good.replace("0.15", "-0.15"), "", "ggx: alpha is -0.15, allowed is 0.001 to 1"),
-        (&good.replace("\"ggx\"", "7"), "", "m.json: model: found 7, allowed is one of lambert, ward"),
+        (&good.replace("\"alpha\":0.15", "\"alpha\":\"x\""), "", "m.json: alpha is \"x\"; it must be one number"),
+        (&good.replace(",0.05]", "]"), "", "m.json: kd is [0.2,0.1]; it must be 3 numbers"),
+        (&good.replace(",\"alpha\":0.15", ""), "", "m.json: alpha is missing; it must be one number"),
+        (&good.replace("0.15", "-0.15"), "", "ggx: alpha is -0.15; it must be 0.001 to 1"),
+        (&good.replace("\"ggx\"", "7"), "", "m.json: model is 7; it must be one of lambert, ward"),
         ("{\"model\":\"ggx\",", "", "m.json: not a valid model in JSON: EOF"),
-        (good, "?eta=2.5", "ggx has no parameter `eta`; no name is similar; allowed: kd, f0, alpha"),
-        (good, "?alpha=big", "m.json?alpha=big: alpha: found big, allowed is one number"),
-        (good, "?alpha=NaN", "m.json?alpha=NaN: ggx: alpha is NaN, allowed is 0.001 to 1"),
-        (good, "?model=abc", "model: found abc (kd, a, b, c, eta), allowed is a model with the fields of ggx"),
+        (good, "?eta=2.5", "ggx has no parameter `eta`; no name is similar; its parameters are kd, f0, alpha"),
+        (good, "?alpha=big", "m.json?alpha=big: alpha is big; it must be one number"),
+        (good, "?alpha=NaN", "m.json?alpha=NaN: ggx: alpha is NaN; it must be 0.001 to 1"),
+        (good, "?model=abc", "model is abc (kd, a, b, c, eta); it must be a model with the fields of ggx"),
     ] {
         let found = message(read(text, query));
         assert!(found.contains(expected), "{found}\n{expected}");
@@ -140,8 +140,8 @@ fn files_that_are_missing_or_not_what_they_seem() {
     for (name, content, expected) in [
         ("a.zip", "not a zip", "not a valid archive of BRDFs"),
         ("a.fit", "# nothing\n", "not a valid file of fits: no line with a material"),
-        ("b.fit", "# one\nteflon = Aggregate(", "b.fit:2: column 20: found the end of the line"),
-        ("a.bin", "short", "the file has 5 bytes, NPF needs exactly 1572864"),
+        ("b.fit", "# one\nteflon = Aggregate(", "b.fit:2: column 20 is the end of the line"),
+        ("a.bin", "short", "the file has 5 bytes; NPF needs exactly 1572864"),
     ] {
         fs::write(folder.path().join(name), content).expect("writable");
         let text = message(open(&format!("{name}:teflon"), folder.path()));
@@ -151,7 +151,7 @@ fn files_that_are_missing_or_not_what_they_seem() {
     let twice = "x = Aggregate(Lambertian(albedo = [0, 0, 0]), NganWard(albedo = [0, 0, 0], roughness = 0.1))\n";
     fs::write(folder.path().join("c.fit"), twice.repeat(2)).expect("writable");
     assert!(message(open("c.fit:x", folder.path())).contains("c.fit:2: material `x` is given twice"));
-    assert!(message(formats::materials(Path::new("x.txt"))).contains("extension is `txt`; allowed: zip, fit, bin"));
+    assert!(message(formats::materials(Path::new("x.txt"))).contains("extension is `txt`; it must be zip, fit or bin"));
 }
 
 #[test_with::env(VERNIS_DATA)]

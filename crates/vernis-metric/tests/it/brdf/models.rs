@@ -45,7 +45,7 @@ fn terms_of_a_sum_are_overridden_by_number() {
     let text = message(open("sum.json?2.kd=0,0,0", folder.path()));
     assert!(text.contains("ggx+ward has no parameter `2.kd`") && text.contains("2.ks"), "{text}");
     let text = message(open("sum.json?1.alpha=2", folder.path()));
-    assert!(text.ends_with("ggx+ward: 1.alpha is 2, allowed is 0.001 to 1"), "{text}");
+    assert!(text.ends_with("ggx+ward: 1.alpha is 2; it must be 0.001 to 1"), "{text}");
     fs::write(folder.path().join("bad.json"), r#"{"model": "ggx+wart"}"#).expect("writable");
     let text = message(open("bad.json", folder.path()));
     assert!(text.contains("unknown model `wart`; did you mean ward"), "{text}");

@@ -98,9 +98,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Median distance to the networks that stand in for the measured materials.
 ///
 /// The first six are from a reconstruction of the published models on the full grid, given to two digits. The tolerance
-/// is that rounding (.005) plus what the coarser grid does to a median: .009 for the factors, whose full grid gives .3405
-/// here, allowed .015. The others were measured with this code, so they only hold the reading of the parameters fast: a
-/// factor of pi before the lobe moves those of Cook-Torrance and Ashikhmin-Shirley by .09 at the least.
+/// is that rounding (0.005) plus what the coarser grid does to a median: 0.009 for the factors, whose full grid gives 0.3405
+/// here, allowed 0.015. The others were measured with this code, so they only hold the reading of the parameters fast: a
+/// factor of pi before the lobe moves those of Cook-Torrance and Ashikhmin-Shirley by 0.09 at the least.
 #[test_with::env(VERNIS_DATA)]
 #[test]
 fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
@@ -168,8 +168,8 @@ fn rows_of_the_factor_file_belong_to_their_materials() {
 }
 
 /// `merl_slices.png`: 8-bit sRGB of measured values, clipped at 1, 10 x 10 tiles of 90 x 90 (theta_d x theta_h) at
-/// phi_d = 89.5 degrees, flipped vertically. Median |ln ratio| of network and measurement: .057; which dark pixels count
-/// moves it between .048 (none below a linear value of .01) and .061 (all but black), hence the tolerance.
+/// phi_d = 89.5 degrees, flipped vertically. Median |ln ratio| of network and measurement: 0.057; which dark pixels count
+/// moves it between 0.048 (none below a linear value of 0.01) and 0.061 (all but black), hence the tolerance.
 #[test_with::env(VERNIS_DATA)]
 #[test]
 fn networks_agree_with_the_measured_slice() {

@@ -2,7 +2,7 @@
 //! annealed iterations.
 //!
 //! The usual envelope formula, which reads the gradient off the last potentials, assumes that they have converged; at
-//! scaling .8 they have not, and it is 1 to 40 % off. Here every update is differentiated. For
+//! scaling 0.8 they have not, and it is 1 to 40 % off. Here every update is differentiated. For
 //! f(t) = -epsilon ln sum_s m(s) exp((g(s) - C(s, t))/epsilon) and the derivative r(t) of the value with respect to f(t),
 //!
 //!   E(s) = e^(g(s)/epsilon) sum_t r(t) exp((f(t) - C(s, t))/epsilon),   d value/dg(s) = -m(s) E(s),   d value/dm(s) = -epsilon E(s),

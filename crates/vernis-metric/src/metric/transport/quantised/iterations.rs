@@ -31,7 +31,7 @@ const PER_LEVEL: usize = 6;
 /// All updates between measures of which the one with fewer has `levels` levels, each on the coarsest that does for it, and on
 /// level 0 of the nodes `finest`.
 ///
-/// *Levels.* Of the updates whose epsilon asks for a level, the last [`PER_LEVEL`] take place on it: all at scaling .8. Those before
+/// *Levels.* Of the updates whose epsilon asks for a level, the last [`PER_LEVEL`] take place on it: all at scaling 0.8. Those before
 /// them, in slower annealings, lead there, and the next coarser level is good enough for that.
 ///
 /// *Nodes without mass.* A finer level starts from all nodes of the coarser, massless or not. Those without mass take part from so

@@ -5,7 +5,7 @@
 //!
 //!   V_k += t (1 - t) (2 - t)/(6 N),   V_{k+1} += t (1 - t) (1 + t)/(6 N)
 //!
-//! every node takes T = min(V_k, .49 A_{k-1}, .49 A_{k+1}) from each of its neighbours: m_k = A_k + 2 T_k - T_{k-1} -
+//! every node takes T = min(V_k, 0.49 A_{k-1}, 0.49 A_{k+1}) from each of its neighbours: m_k = A_k + 2 T_k - T_{k-1} -
 //! T_{k+1}. Where the limits do not bind, this is cubic Lagrange interpolation, whose first four moments are those of the
 //! cell; the limits keep every mass positive, so that logarithms exist. Along the base, hat functions.
 //!

@@ -17,3 +17,8 @@ pub use csv;
 pub use maud;
 /// Matrices and vectors of the public signatures, the random generator of [`math::seed`], and JSON values.
 pub use vernis_metric::{ndarray, rand_chacha, serde_json};
+
+/// The README's examples, compiled and run with the tests of the documentation.
+#[cfg(all(doctest, feature = "train"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

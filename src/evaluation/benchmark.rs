@@ -76,6 +76,7 @@ impl JudgedMetric {
     /// The metric and its agreement as plain data.
     pub fn record(&self) -> MetricRecord {
         MetricRecord {
+            version: None,
             name: self.name.clone(),
             kind: self.kind,
             note: self.note.clone(),

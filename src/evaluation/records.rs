@@ -89,6 +89,10 @@ pub struct Judgement {
 pub struct MetricRecord {
     /// Name of the metric.
     pub name: String,
+    /// Version of its numbers. `None` for models and baselines that are judged here alone, and in records of before there were
+    /// versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
     /// What kind of metric it is.
     pub kind: MetricKind,
     /// One line: what it is, what to know of the figures.

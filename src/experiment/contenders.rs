@@ -3,7 +3,7 @@
 use super::ExperimentError;
 use crate::dataset::Study;
 use crate::evaluation::protocol::{AblationCase, Bench, Contender, Protocol, Source};
-use crate::evaluation::records::{AblationRecord, BenchmarkRecord, MetricKind};
+use crate::evaluation::records::{AblationRecord, BenchmarkRecord, MetricKind, MetricRecord};
 use crate::samples::Samples;
 use crate::train::embedding_folds::EmbeddedFolds;
 use crate::train::kernel::KernelRidge;
@@ -48,7 +48,10 @@ pub struct StudyBenchmark {
 #[derive(Debug, Clone)]
 pub struct RunInfo {
     pub command: String,
+    /// Of the program and of whatever else decides the numbers, by name.
     pub versions: BTreeMap<String, String>,
+    /// Of the numbers of each metric, by name.
+    pub metric_versions: BTreeMap<String, String>,
 }
 
 /// The protocol for a study.
@@ -105,6 +108,8 @@ pub fn run(
     headline.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|m| m.name().to_owned()));
     let others: Vec<&str> = headline[1..].iter().map(String::as_str).collect();
     let differences = bench.differences(recipe::NAME, &others)?;
+    let versioned =
+        |metric: MetricRecord| MetricRecord { version: info.metric_versions.get(&metric.name).cloned(), ..metric };
     let materials: BTreeSet<&str> = study.pairs.iter().map(|p| p.material.as_str()).collect();
     let record = BenchmarkRecord {
         study: study.name.clone(),
@@ -119,7 +124,7 @@ pub fn run(
         versions: info.versions.clone(),
         data_hashes: data_hashes(study),
         set_aside: protocol.set_aside.clone(),
-        metrics: bench.metrics(),
+        metrics: bench.metrics().into_iter().map(versioned).collect(),
         differences,
         did_not_help: did_not_help(&ablation),
         ablation,

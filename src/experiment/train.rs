@@ -223,11 +223,13 @@ impl Measurement {
         };
         let banks = bank.iter().flat_map(|bank| Learner::ALL.map(|learner| (bank, learner)));
         let embedded = banks.map(learn).collect::<Result<Vec<_>, ExperimentError>>()?;
-        let mut versions = versions(&setup);
+        let metrics = metrics(study)?;
+        let mut versions = versions(&setup, &metrics);
         if bank.is_none() {
             versions.insert("embeddings".into(), "left out, for they are learned from BRDFs".into());
         }
-        let info = RunInfo { command: command_line(purpose, source, study, options, &setup), versions };
+        let command = command_line(purpose, source, study, options, &setup);
+        let info = RunInfo { command, versions, metric_versions: metric_versions(&metrics) };
         let bench = run(study, &samples, embedded, &protocol, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
             study: study.clone(),
@@ -354,14 +356,25 @@ fn command_line(purpose: Purpose, source: &str, study: &Study, options: &Benchma
     line
 }
 
-fn versions(setup: &str) -> BTreeMap<String, String> {
-    [
-        ("vernis", env!("CARGO_PKG_VERSION").to_owned()),
-        ("descriptors", format!("{VERSION} ({setup})")),
-        ("metric", recipe::METRIC_VERSION.to_owned()),
-    ]
-    .map(|(name, version)| (name.to_owned(), version))
-    .into()
+/// Versions of the program, the descriptors, the recipe, and each family of metrics.
+fn versions(setup: &str, metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
+    let mut versions: BTreeMap<String, String> =
+        metrics.iter().map(|metric| (metric.properties().family.to_owned(), metric.version().to_owned())).collect();
+    versions.extend(
+        [
+            ("vernis", env!("CARGO_PKG_VERSION").to_owned()),
+            ("descriptors", format!("{VERSION} ({setup})")),
+            ("metric", recipe::METRIC_VERSION.to_owned()),
+        ]
+        .map(|(name, version)| (name.to_owned(), version)),
+    );
+    versions
+}
+
+/// Versions of the numbers of every metric that is judged.
+fn metric_versions(metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
+    let classical = metrics.iter().map(|metric| (metric.name().to_owned(), metric.version().to_owned()));
+    classical.chain([(recipe::NAME.to_owned(), recipe::METRIC_VERSION.to_owned())]).collect()
 }
 
 /// The headline figures of the learned metric.

@@ -18,10 +18,10 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<(&'static str, Vec<u8>)>, Rep
 
 /// One row a metric, split, set of rows and figure.
 fn metrics(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
-    let header = ["metric", "kind", "split", "row_set", "rows", "figure", "value", "low", "high"];
+    let header = ["metric", "version", "kind", "split", "row_set", "rows", "figure", "value", "low", "high"];
     let rows = record.metrics.iter().flat_map(|metric| {
         let judgements = metric.judgements.iter().flat_map(figures);
-        judgements.map(move |figure| (&metric.name, metric.kind, figure))
+        judgements.map(move |figure| (&metric.name, &metric.version, metric.kind, figure))
     });
     write("metrics.csv", &header, rows)
 }

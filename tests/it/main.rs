@@ -11,6 +11,7 @@ mod fit;
 mod learned;
 mod losses;
 mod old_files;
+mod readme;
 mod report;
 mod rooms;
 mod shipped;

@@ -159,7 +159,7 @@ mod tests {
         assert_eq!(find("v1-lamps-sphere").unwrap().id(), Setup::standard().id());
         assert_eq!(
             find("v2-lamps-sphere").unwrap_err().to_string(),
-            "descriptors of version 2; this program knows up to version 1: update vernis"
+            "the descriptors are of version 2; this program knows up to version 1: update vernis"
         );
         let message = find("v1-probe-035d24e3e978589f-sphere").unwrap_err().to_string();
         assert!(message.contains("begins with 035d24e3e978589f; name it with --lights"), "{message}");

@@ -55,8 +55,7 @@ pub enum MetricError {
     #[error("{side}: the BRDF has no valid cell on the grid of the metric")]
     NoValidCell { side: &'static str },
     #[error(
-        "{metric}: the tables are on different grids, the reference on {reference} and the candidate on {candidate}; \
-         they must be on the same grid"
+        "{metric}: reference and candidate have different grids, {reference} and {candidate}; they must have the same grid"
     )]
     DifferentGrids { metric: String, reference: String, candidate: String },
     #[error("{metric}: {reason}")]

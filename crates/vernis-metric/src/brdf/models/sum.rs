@@ -152,8 +152,8 @@ mod tests {
         let message = |id: &str, p: &[f64]| build(id, p).err().expect("wrong").to_string();
         assert!(message("ggx+", &[]).contains("unknown model ``"));
         assert!(message("ggx+wart", &[]).contains("unknown model `wart`"));
-        assert!(message("ggx+lambert", &[]).contains("lambert is none"));
-        assert!(message("lambert+ward", &[0.0; 4]).contains("4 parameters were given, the model has 7"));
+        assert!(message("ggx+lambert", &[]).contains("lambert has no lobe"));
+        assert!(message("lambert+ward", &[0.0; 4]).contains("4 parameters were given; the model has 7"));
         let text = message("lambert+ward", &[0.0, 0.0, 0.0, 0.1, 0.1, 0.1, 3.0]);
         assert_eq!(text, "lambert+ward: 2.alpha is 3; it must be 0.001 to 2");
     }

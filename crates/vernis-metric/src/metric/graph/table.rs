@@ -358,14 +358,13 @@ mod tests {
         let error = on("6x6x24").common_cells(&on("9x9x36"), "ot").unwrap_err().to_string();
         assert_eq!(
             error,
-            "ot: the tables are on different grids, the reference on 6x6x24 and the candidate on 9x9x36; \
-             they must be on the same grid"
+            "ot: reference and candidate have different grids, 6x6x24 and 9x9x36; they must have the same grid"
         );
         let half = table(Grid::TITOPO_HALF, &[]);
         let full = table(Grid::TITOPO, &[]);
         let of = |t: &TabulatedBrdf| CosineTable::of(t, GraphGrid::STUDY, "reference").unwrap();
         let error = of(&half).common_cells(&of(&full), "ot").unwrap_err().to_string();
-        assert!(error.contains("a table of 45x45x180, the candidate on a table of 90x90x360"), "{error}");
+        assert!(error.contains("a table of 45x45x180 and a table of 90x90x360"), "{error}");
         assert!(of(&full).common_cells(&on("45x45x180"), "ot").is_ok());
         // One measured cell, at an end that a coarse grid does not reach.
         let source = Grid::Standard { theta_i: 12, theta_o: 12, phi_d: 48, anchor: Anchor::Edge };

@@ -50,5 +50,5 @@ fn terms_of_a_sum_are_overridden_by_number() {
     let text = message(open("bad.json", folder.path()));
     assert!(text.contains("unknown model `wart`; did you mean ward"), "{text}");
     fs::write(folder.path().join("bad.json"), r#"{"model": "ggx+lambert"}"#).expect("writable");
-    assert!(message(open("bad.json", folder.path())).contains("lambert is none"));
+    assert!(message(open("bad.json", folder.path())).contains("lambert has no lobe"));
 }

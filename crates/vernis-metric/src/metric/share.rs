@@ -167,10 +167,13 @@ mod tests {
     use super::*;
     use crate::brdf::models::Lambert;
     use crate::metric::Properties;
-    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::cell::Cell;
 
-    static PREPARED: AtomicUsize = AtomicUsize::new(0);
-    static PASSES: AtomicUsize = AtomicUsize::new(0);
+    // Each test has a thread of its own, on which everything here runs.
+    thread_local! {
+        static PREPARED: Cell<usize> = const { Cell::new(0) };
+        static PASSES: Cell<usize> = const { Cell::new(0) };
+    }
 
     /// A metric that knows of the pass only through its share.
     struct Scaled(String, f64);
@@ -184,14 +187,14 @@ mod tests {
 
     impl PreparedShare for Together {
         fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError> {
-            PASSES.fetch_add(1, Ordering::SeqCst);
+            PASSES.set(PASSES.get() + 1);
             let difference = (albedo(candidate) - self.1).abs();
             Ok(self.0.iter().map(|scale| Measured::distance(scale * difference)).collect())
         }
     }
 
     fn prepare(parts: Vec<f64>, reference: &dyn Brdf) -> Result<Box<dyn PreparedShare>, MetricError> {
-        PREPARED.fetch_add(1, Ordering::SeqCst);
+        PREPARED.set(PREPARED.get() + 1);
         Ok(Box::new(Together(parts, albedo(reference))))
     }
 
@@ -232,7 +235,7 @@ mod tests {
                 assert!((found[place].value - scale * difference).abs() < 1e-15);
             }
             assert!((found[1].value - metrics[1].distance(&a, &b).unwrap()).abs() < 1e-12);
-            assert_eq!((PREPARED.load(Ordering::SeqCst), PASSES.load(Ordering::SeqCst)), (1, round));
+            assert_eq!((PREPARED.get(), PASSES.get()), (1, round));
         }
         assert!(prepared.measure(&a).unwrap().iter().all(|m| m.value == 0.0));
     }

@@ -7,6 +7,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis::evaluation::bootstrap::MIN_RESAMPLES;
+#[cfg(feature = "train")]
 use vernis::experiment::ExperimentError;
 use vernis::report::OutputFolder;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
@@ -127,6 +128,7 @@ pub fn warm_up(shared: &Shared, metrics: &[Arc<dyn Metric>]) -> Result<()> {
 }
 
 /// An error of an experiment as one of the command line: what is wrong with the user's study or files is the user's to mend.
+#[cfg(feature = "train")]
 pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
     match error {
         ExperimentError::Study(_) | ExperimentError::Extraction(_) | ExperimentError::Open(_) => user_error(error),

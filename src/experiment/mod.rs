@@ -38,19 +38,19 @@ use vernis_metric::metric::learned::ExportedError;
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ExperimentError {
     #[error(transparent)]
-    Study(#[from] Box<DatasetError>),
+    Study(Box<DatasetError>),
     #[error(transparent)]
-    Extraction(#[from] Box<ExtractionError>),
+    Extraction(Box<ExtractionError>),
     #[error(transparent)]
-    Evaluation(#[from] EvaluationError),
+    Evaluation(Box<EvaluationError>),
     #[error(transparent)]
-    Samples(#[from] SamplesError),
+    Samples(Box<SamplesError>),
     #[error(transparent)]
-    Split(#[from] SplitError),
+    Split(Box<SplitError>),
     #[error(transparent)]
-    Train(#[from] Box<TrainError>),
+    Train(Box<TrainError>),
     #[error(transparent)]
-    Open(#[from] BrdfError),
+    Open(Box<BrdfError>),
     #[error("{reference} against {candidate}: {source}")]
     Metric { reference: String, candidate: String, source: Box<MetricError> },
     #[error("{notation}: {source}")]
@@ -60,16 +60,43 @@ pub enum ExperimentError {
     #[error("{material}, {model} under {loss}: {source}")]
     Fit { material: String, model: String, loss: &'static str, source: Box<FitError> },
     #[error(transparent)]
-    Descriptor(#[from] Box<DescriptorError>),
+    Descriptor(Box<DescriptorError>),
     #[error(transparent)]
-    Exported(#[from] Box<ExportedError>),
+    Exported(Box<ExportedError>),
     #[error(transparent)]
-    Export(#[from] ExportError),
+    Export(Box<ExportError>),
     #[cfg(feature = "train")]
     #[error(transparent)]
-    Embedding(#[from] EmbeddingError),
+    Embedding(Box<EmbeddingError>),
     #[error("{}: none of the {asked} combinations is there", folder.display())]
     NothingKept { folder: PathBuf, asked: usize },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
+}
+
+/// Causes are boxed, so that a result takes little room.
+macro_rules! boxed {
+    ($($(#[$meta:meta])* $variant:ident($cause:ty)),* $(,)?) => {$(
+        $(#[$meta])*
+        impl From<$cause> for ExperimentError {
+            fn from(cause: $cause) -> Self {
+                Self::$variant(Box::new(cause))
+            }
+        }
+    )*};
+}
+
+boxed! {
+    Study(DatasetError),
+    Extraction(ExtractionError),
+    Evaluation(EvaluationError),
+    Samples(SamplesError),
+    Split(SplitError),
+    Train(TrainError),
+    Open(BrdfError),
+    Descriptor(DescriptorError),
+    Exported(ExportedError),
+    Export(ExportError),
+    #[cfg(feature = "train")]
+    Embedding(EmbeddingError),
 }

@@ -173,12 +173,12 @@ impl Measurement {
         purpose: Purpose,
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
-        study.validate(folds_of(options, study)).map_err(Box::new)?;
-        let setup = Setup::new(&options.descriptors).map_err(Box::new)?;
+        study.validate(folds_of(options, study))?;
+        let setup = Setup::new(&options.descriptors)?;
         let extraction = extract(study, &setup, options.data.as_deref(), options.cache.as_ref(), progress)?;
         let others = if study.synthetic { Vec::new() } else { unrated(options.data.as_deref())? };
         let (data, cache) = (options.data.as_deref(), options.cache.as_ref());
-        let bank = TableBank::new(study, extraction.tables, &others, data, cache, &setup).map_err(Box::new)?;
+        let bank = TableBank::new(study, extraction.tables, &others, data, cache, &setup)?;
         let setup = setup.id().to_owned();
         let numbers = Numbers { study, samples: extraction.samples, setup, bank: Some(bank) };
         let source = format!("--study {}", file_name(study));
@@ -197,9 +197,9 @@ impl Measurement {
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
         let study = &extracted.study;
-        study.validate(folds_of(options, study)).map_err(Box::new)?;
-        extracted.check_whole(&study.name).map_err(Box::new)?;
-        extracted.check_versions(&metrics(study)?, &study.name).map_err(Box::new)?;
+        study.validate(folds_of(options, study))?;
+        extracted.check_whole(&study.name)?;
+        extracted.check_versions(&metrics(study)?, &study.name)?;
         let (samples, setup) = (extracted.samples.clone(), extracted.versions.setup.clone());
         let source = format!("--extracted {}.parquet", study.short_name());
         Self::measure(Numbers { study, samples, setup, bank: None }, options, purpose, &source, Vec::new(), progress)
@@ -263,9 +263,8 @@ impl Measurement {
             _ => format!("{}-{}", recipe::NAME, self.study.short_name()),
         };
         let trainer = recipe::metric();
-        let model = trainer.train(&self.training, self.seed).map_err(Box::new)?;
-        let members =
-            bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed).map_err(Box::new)?;
+        let model = trainer.train(&self.training, self.seed)?;
+        let members = bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed)?;
         let record = &self.bench.record;
         let command = record.command.clone();
         let export = Export {
@@ -295,7 +294,7 @@ pub fn extract(
     let (set, metrics) = (DescriptorSet::all(), metrics(study)?);
     let pairs = |p| progress("pairs", p);
     let extractor = Extractor { set: &set, setup, metrics: &metrics, base, cache, progress: &pairs };
-    let mut extraction = extractor.extract(study).map_err(Box::new)?;
+    let mut extraction = extractor.extract(study)?;
     extraction.warnings.extend(warning);
     Ok(extraction)
 }

@@ -67,7 +67,7 @@ fn a_room_uses_only_rooms_above_it() {
             for line in &code {
                 for other in named_rooms(line, rooms) {
                     uses += 1;
-                    let strangers = STRANGERS.iter().any(|pair| *pair == [room.as_str(), other]);
+                    let strangers = STRANGERS.contains(&[room.as_str(), other]);
                     assert!(
                         position(other).unwrap() <= own && !strangers,
                         "{package}, {inside}: `{}` reaches from {room} to {other}",

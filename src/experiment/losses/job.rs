@@ -79,7 +79,7 @@ pub struct Found {
 /// A study that is too small for the folds, probes that are missing, BRDFs that cannot be read, a fit or a training that fails,
 /// files that cannot be written.
 pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) -> Result<Found, ExperimentError> {
-    study.validate(options.folds).map_err(Box::new)?;
+    study.validate(options.folds)?;
     let (settings, probes) = (options.settings(), probes(options.data.as_deref())?);
     let [fits, metrics] = ["fits", "metrics"].map(|name| options.folder.join(name));
     for folder in [&fits, &metrics] {
@@ -130,7 +130,7 @@ fn probes(data: Option<&Path>) -> Result<Vec<Probe>, ExperimentError> {
     let probe = |(name, path): (&str, &str)| {
         let path = data.map_or_else(|| PathBuf::from(path), |data| data.join(path));
         let options = DescriptorOptions { lights: Lights::Probe(path), shape: ShapeChoice::Sphere };
-        Ok(Probe { name: name.to_owned(), setup: Setup::new(&options).map_err(Box::new)? })
+        Ok(Probe { name: name.to_owned(), setup: Setup::new(&options)? })
     };
     PROBES.into_iter().map(probe).collect()
 }

@@ -102,7 +102,7 @@ impl UnseenTraining<'_> {
     fn samples(&self, set: &DescriptorSet, setup: &Setup) -> Result<Samples, ExperimentError> {
         let progress = |p| (self.progress)("descriptors", p);
         let extractor = Extractor { set, setup, metrics: &[], base: self.base, cache: self.cache, progress: &progress };
-        Ok(extractor.extract(self.study).map_err(Box::new)?.samples)
+        Ok(extractor.extract(self.study)?.samples)
     }
 
     fn metric(
@@ -138,7 +138,7 @@ impl UnseenTraining<'_> {
             provenance,
         };
         let exported = export.of(self.trainer.name(), &*model, &[])?;
-        (self.write)(&file, &exported.to_json().map_err(Box::new)?)?;
+        (self.write)(&file, &exported.to_json()?)?;
         LearnedMetric::new(exported, setup.clone())
             .map_err(|e| ExperimentError::MetricNamed { name, source: Box::new(e) })
     }

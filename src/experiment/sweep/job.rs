@@ -50,7 +50,7 @@ pub struct Swept {
 /// BRDFs that cannot be read or compared, files that cannot be written, ratings that cannot be judged;
 /// [`ExperimentError::NothingKept`] where nothing is kept and nothing shall be computed.
 pub fn sweep(study: &Study, options: &SweepOptions, progress: Observer<'_>) -> Result<Swept, ExperimentError> {
-    study.validate(options.protocol.folds).map_err(Box::new)?;
+    study.validate(options.protocol.folds)?;
     let setting = Setting::new(&options.grid.to_string(), &options.accuracy, study);
     let job = Job { study, options, setting: &setting, progress };
     let mut warnings = Vec::new();

@@ -1,8 +1,8 @@
 //! Getting files from folders and servers of every manner, and comparing what is there.
 
+#[cfg(feature = "fetch")]
 use super::server::{Manner, Server};
 use super::{error, out, program, text, vernis_data};
-#[cfg(feature = "fetch")]
 use crate::data_folder;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -3,8 +3,7 @@
 //! [`Fitting`] says how: model, metric, start, method, budget; [`Fitting::run`] gives a [`Fitted`], which [`FitFile`] keeps.
 //! Underneath: [`loss`] makes a function of the model out of a metric and its reference, [`Space`] gives the parameters
 //! coordinates in which steps are alike, [`start`] finds where to begin, [`optimizer`] searches. Models that are read off a
-//! reference, not searched, are in [`direct`] and [`rational`]. [`refit`] makes the candidates of a study anew; [`manifold`]
-//! makes candidates that belong to no model.
+//! reference, not searched, are in [`direct`] and [`rational`]. [`manifold`] makes candidates that belong to no model.
 
 pub mod direct;
 mod fitting;

@@ -8,7 +8,7 @@ pub mod registry;
 mod share;
 pub mod transport;
 
-pub use share::{PreparedMetrics, PreparedShare, Share, ShareKey, groups};
+pub use share::{PreparedMetrics, PreparedResult, PreparedShare, Share, ShareKey, groups};
 
 use crate::brdf::{Brdf, Grid};
 use crate::descriptor::{Cache, CacheWarning};

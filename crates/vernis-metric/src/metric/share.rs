@@ -49,7 +49,10 @@ impl ShareKey {
 }
 
 type Part = Box<dyn Any + Send + Sync>;
-type Prepare = Box<dyn Fn(Vec<Part>, &dyn Brdf) -> Result<Box<dyn PreparedShare>, MetricError>>;
+type Prepare = Box<dyn Fn(Vec<Part>, &dyn Brdf) -> PreparedResult>;
+
+/// What preparing several parts with a reference gives.
+pub type PreparedResult = Result<Box<dyn PreparedShare>, MetricError>;
 
 /// The part of one metric in work that it has in common with others.
 pub struct Share {
@@ -64,7 +67,7 @@ impl Share {
     pub fn new<P: Any + Send + Sync>(
         name: impl Into<String>,
         part: P,
-        prepare: fn(Vec<P>, &dyn Brdf) -> Result<Box<dyn PreparedShare>, MetricError>,
+        prepare: fn(Vec<P>, &dyn Brdf) -> PreparedResult,
     ) -> Self {
         let typed = move |parts: Vec<Part>, reference: &dyn Brdf| {
             // Equal keys mean equal types.

@@ -28,7 +28,7 @@ pub fn open(notation: &str, data: Option<&Path>) -> Result<OpenBrdf> {
 #[derive(Args)]
 pub struct MetricChoice {
     /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
-    #[arg(long = "metric", short, value_name = "NAME|FILE")]
+    #[arg(long = "metric", short = 'm', value_name = "NAME|FILE")]
     names: Vec<String>,
     /// Grid of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
     #[arg(long, value_name = "GRID")]

@@ -271,7 +271,7 @@ fn what_does_not_exist_brings_the_nearest_names() {
     place.write("extra.json", WARD.replace("alpha", "alhpa"));
     for (args, parts) in [
         (["some.fit:teflom", "D1"], &["some.fit: ", "no material `teflom`", "teflon"][..]),
-        (["ggx.json", "D9.Lc"], &["no metric `D9.Lc`", "similar: D9.Cl"]),
+        (["ggx.json", "D9.Lc"], &["no metric `D9.Lc`", "did you mean D9.Cl"]),
         (["ggx.json", "all-pl"], &["no metric `all-pl`", "all-lp"]),
         (["odd.json", "D1"], &["odd.json: unknown model `wrad`", "did you mean ward", "the models are lambert"]),
         (["extra.json", "D1"], &["extra.json: ward has no parameter `alhpa`", "did you mean alpha", "kd, ks, alpha"]),

@@ -65,7 +65,7 @@ fn mistakes_at_the_command_line_are_named() {
     let text = place.mistake(&["fit", "ward.json", "--model", "gxg", "--out", "a.json"]);
     assert!(text.contains("unknown model `gxg`; did you mean ggx"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--metric", "D4.Cll", "--out", "a.json"]);
-    assert!(text.contains("there is no metric `D4.Cll`; similar: D4.Cl"), "{text}");
+    assert!(text.contains("there is no metric `D4.Cll`; did you mean D4.Cl"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--metric", "all-lp", "--out", "a.json"]);
     assert!(text.contains("several metrics"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--start", "ward.json", "--out", "a.json"]);

@@ -81,7 +81,7 @@ fn a_metric_of_a_probe_and_a_mesh_loads_where_both_are_named() {
     fs::write(place.path().join("other.hdr"), bytes).unwrap();
     let other = Lights::Probe(place.path().join("other.hdr"));
     let message = refused(&DescriptorOptions { lights: other, shape: options.shape.clone() });
-    assert!(message.contains("other.hdr: light probe ") && message.contains("need light probe 035d24e3"), "{message}");
+    assert!(message.contains("other.hdr: the light probe is ") && message.contains("it must be 035d24e3"), "{message}");
 
     let model = |name: &str, alpha: f64| {
         let text = format!(r#"{{"model": "ggx", "kd": [0.2, 0.1, 0.1], "f0": [0.04, 0.04, 0.04], "alpha": {alpha}}}"#);
@@ -120,7 +120,7 @@ fn a_fit_is_a_brdf_and_is_kept() {
 #[test]
 fn a_benchmark_is_read() {
     let record: BenchmarkRecord = serde_json::from_slice(&fs::read(file("benchmark.json")).unwrap()).unwrap();
-    assert_eq!((record.rows, record.materials, record.study.as_str()), (32, 8, "tiny.csv"));
+    assert_eq!((record.rows, record.materials, record.study.as_str()), (32, 8, "tiny"));
     assert!(record.headline_metrics().len() > 5);
 }
 

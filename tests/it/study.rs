@@ -327,5 +327,5 @@ fn wrong_input_is_told_in_one_line() {
     // As little as it can be: no statistic but the mean exists, and that is said.
     let output = run(dir.path(), &["--ratings", "good.csv"]);
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success() && text.contains("split-half agreement: stimuli"), "{text}");
+    assert!(output.status.success() && text.contains("split-half agreement: the number of stimuli"), "{text}");
 }

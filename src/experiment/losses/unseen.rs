@@ -118,8 +118,12 @@ impl UnseenTraining<'_> {
         let file = format!("{name}.vernis.json");
         let seed = if judge { self.seed.wrapping_add(JUDGE_SEED) } else { self.seed };
         let provenance = self.provenance(fold, seed);
+        let descriptors = Descriptors { setup: setup.id().to_owned(), set: set.clone() };
+        // An older version of the recipe or of the descriptors loads as well, but is not what is asked for.
         if let Ok(kept) = LearnedMetric::load(&self.folder.join(&file))
             && kept.exported().name == name
+            && kept.exported().metric_version == METRIC_VERSION
+            && kept.exported().descriptors == descriptors
             && kept.exported().provenance == provenance
         {
             return Ok(kept);
@@ -132,7 +136,7 @@ impl UnseenTraining<'_> {
         let export = Export {
             name: &name,
             metric_version: METRIC_VERSION,
-            descriptors: Descriptors { setup: setup.id().to_owned(), set: set.clone() },
+            descriptors,
             // Only the prediction itself is used, never its interval.
             interval: Interval { level: 0.95, factor: 0.0, offset: 0.0 },
             provenance,

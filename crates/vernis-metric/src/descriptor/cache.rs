@@ -20,6 +20,8 @@ use thiserror::Error;
 
 const MAGIC: &[u8; 8] = b"VERNISC1";
 const HASH: usize = 32;
+/// Endings of files that are being written: by this version, and by the first.
+const TEMPORARY: [&str; 2] = [NewFile::SUFFIX, ".tmp"];
 /// Nobody writes half a megabyte for longer than this.
 const LONGEST_WRITE: Duration = Duration::from_secs(3600);
 
@@ -52,7 +54,8 @@ impl Cache {
     /// Removes what runs that were killed have left half-written.
     fn sweep_up(&self) {
         for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
-            let temporary = entry.file_name().to_string_lossy().ends_with(NewFile::SUFFIX);
+            let name = entry.file_name();
+            let temporary = TEMPORARY.iter().any(|ending| name.to_string_lossy().ends_with(ending));
             let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|at| at.elapsed().ok());
             if temporary && age.is_some_and(|age| age > LONGEST_WRITE) {
                 // If it cannot be removed now, the next run tries.

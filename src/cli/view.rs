@@ -7,10 +7,12 @@ use vernis_metric::descriptor::{DescriptorOptions, Lights, ShapeChoice};
 /// Under which light and on which shape BRDFs are looked at.
 #[derive(Args)]
 pub struct View {
-    /// A light probe (latitude/longitude, Radiance .hdr) instead of the lights defined by code.
+    /// A light probe (latitude/longitude, Radiance .hdr) to train with instead of the lights defined by code; elsewhere, the one that
+    /// an exported metric was trained with.
     #[arg(long, value_name = "HDR")]
     lights: Option<PathBuf>,
-    /// A mesh (ASCII .ply) whose normals weight the pictures instead of the sphere's.
+    /// A mesh (ASCII .ply) to train with, whose normals weight the pictures instead of the sphere's; elsewhere, the one that an
+    /// exported metric was trained with.
     #[arg(long, value_name = "PLY")]
     shape: Option<PathBuf>,
 }

@@ -298,7 +298,7 @@ fn csv_files_of_pairs_are_refused_by_line() {
         ),
         ("reference,candidate\nward.json,\n", &["pairs.csv, line 2: `candidate` is empty"]),
         ("reference,candidate\nward.json,no.binary\n", &["pairs.csv, line 2: no.binary: no such file"]),
-        ("reference,candidate\n", &["pairs.csv: no pair after the header"]),
+        ("reference,candidate\n", &["pairs.csv: there is no pair after the header"]),
         ("", &["pairs.csv, line 1: no column `reference`"]),
     ] {
         place.write("pairs.csv", text);
@@ -341,9 +341,12 @@ fn an_exported_metric_of_a_newer_format_or_of_damaged_shape_is_refused() {
     };
     refused(
         &|v| v["format"] = json!(99),
-        &["m.vernis.json: format 99 is newer than this program, which reads up to 1"],
+        &["m.vernis.json: format 99, written by vernis 0.1.0", "which reads up to format 1"],
     );
-    refused(&|v| v["descriptors"]["setup"] = json!("v0"), &["m.vernis.json: descriptors of setup v0"]);
+    refused(
+        &|v| v["descriptors"]["setup"] = json!("v0"),
+        &["m.vernis.json: unknown descriptors `v0`; this program knows v1-lamps-sphere"],
+    );
     refused(&|v| v["interval"]["factor"] = json!(-1), &["m.vernis.json: ", "interval is -1; it must be 0 or more"]);
     refused(&|v| v["regressor"]["terms"] = json!([]), &["m.vernis.json: ", "has no term"]);
     place.write("m.vernis.json", &text[..text.len() / 2]);

@@ -48,6 +48,37 @@ pub fn coarser(metric: &dyn GraphMetric, coarsening: usize) -> Option<Arc<dyn Me
     (coarse.grid() != metric.grid()).then_some(coarse as Arc<dyn Metric>)
 }
 
+/// The methods of [`Metric`] that all metrics on graphs of this library have in common, for types with a `name`, `named` and `Clone`.
+macro_rules! metric_methods {
+    () => {
+        fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
+            Ok(Box::new($crate::metric::graph::PreparedGraph::new(Arc::new(self.clone()), reference)?))
+        }
+
+        fn share(&self) -> Option<Share> {
+            Some($crate::metric::graph::share(Arc::new(self.clone())))
+        }
+
+        /// Name and version, and the grid where the name leaves it open.
+        fn identity(&self) -> String {
+            format!("{} {} {}", self.name, self.version(), self.grid())
+        }
+
+        fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
+            Ok(Arc::new(Self::named(name)?))
+        }
+
+        fn on_grid(&self, grid: GraphGrid) -> Option<Arc<dyn Metric>> {
+            Some($crate::metric::graph::on_grid(self, grid))
+        }
+
+        fn coarser(&self, coarsening: usize) -> Option<Arc<dyn Metric>> {
+            $crate::metric::graph::coarser(self, coarsening)
+        }
+    };
+}
+pub(in crate::metric) use metric_methods;
+
 /// Metrics on one grid.
 struct Together {
     grid: GraphGrid,

@@ -20,6 +20,7 @@ mod table;
 mod tone;
 
 pub use grid::GraphGrid;
+pub(in crate::metric) use metric::metric_methods;
 pub use metric::{ChannelGradients, GraphMetric, PreparedGraph, PreparedTable, coarser, combine, on_grid, share};
 pub use notation::Options;
 pub use table::{CommonCells, CompactTable, CosineTable};

@@ -4,9 +4,7 @@ use super::divergence::{DIRECT, Pair, Setting};
 use super::mixture::Kernel;
 use super::{FAMILY, VERSION};
 use crate::brdf::Brdf;
-use crate::metric::graph::{
-    self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedGraph, PreparedTable, Tone,
-};
+use crate::metric::graph::{self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedTable, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share};
 use std::sync::Arc;
 
@@ -122,30 +120,7 @@ impl Metric for KernelMetric {
         VERSION
     }
 
-    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
-        Ok(Box::new(PreparedGraph::new(Arc::new(self.clone()), reference)?))
-    }
-
-    fn share(&self) -> Option<Share> {
-        Some(graph::share(Arc::new(self.clone())))
-    }
-
-    /// Name and version, and the grid where the name leaves it open.
-    fn identity(&self) -> String {
-        format!("{} {} {}", self.name, VERSION, self.grid())
-    }
-
-    fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
-        Ok(Arc::new(Self::named(name)?))
-    }
-
-    fn on_grid(&self, grid: GraphGrid) -> Option<Arc<dyn Metric>> {
-        Some(graph::on_grid(self, grid))
-    }
-
-    fn coarser(&self, coarsening: usize) -> Option<Arc<dyn Metric>> {
-        graph::coarser(self, coarsening)
-    }
+    graph::metric_methods!();
 }
 
 impl GraphMetric for KernelMetric {

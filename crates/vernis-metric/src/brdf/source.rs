@@ -300,7 +300,7 @@ impl<'a> Parsed<'a> {
             }
             Kind::Factors => {
                 let row = npf::row(path, material)?;
-                Found::Open(ContentHash::of(&row), Arc::new(npf::decode(path, material, &row)?))
+                Found::Open(npf::content(&row), Arc::new(npf::decode(path, material, &row)?))
             }
             Kind::Fits => self.model(fit::read(path, material)?)?,
             Kind::Json => self.model(model_json::read(path)?)?,

@@ -108,7 +108,7 @@ fn published_parameters_are_as_far_from_the_measured_materials_as_known() {
     for (file, count, expected) in [
         ("low_lowmicrofacet_E2.fit", 100, 0.20),
         ("bagher_sgd.fit", 100, 0.32),
-        ("npf.bin", 100, 0.33),
+        ("npf.bin", 100, 0.17),
         ("ngan_ward.fit", 86, 0.48),
         ("ngan_blinnphong.fit", 86, 0.49),
         ("ngan_lafortune.fit", 86, 0.49),
@@ -168,11 +168,9 @@ fn rows_of_the_factor_file_belong_to_their_materials() {
 }
 
 /// `merl_slices.png`: 8-bit sRGB of measured values, clipped at 1, 10 x 10 tiles of 90 x 90 (theta_d x theta_h) at
-/// phi_d = 89.5 degrees, flipped vertically. Median |ln ratio| of network and measurement: 0.057; which dark pixels count
-/// moves it between 0.048 (none below a linear value of 0.01) and 0.061 (all but black), hence the tolerance.
-#[test_with::env(VERNIS_DATA)]
-#[test]
-fn networks_agree_with_the_measured_slice() {
+/// phi_d = 89.5 degrees, flipped vertically. |ln ratio| of `file` and each pixel that `counts` accepts (its two directions and its
+/// linear value), by material.
+fn ratios_to_the_measured_slice(file: &str, counts: impl Fn(Vec3, Vec3, f64) -> bool + Sync) -> Vec<Vec<f64>> {
     let data = data_folder();
     let picture = image::open(data.join("merl/merl_slices.png")).expect("the slices").to_rgb8();
     assert_eq!(picture.dimensions(), (900, 900));
@@ -181,33 +179,55 @@ fn networks_agree_with_the_measured_slice() {
         let v = f64::from(v) / 255.0;
         if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
     };
-    let mut ratios = Vec::new();
-    for (tile, line) in order.lines().enumerate() {
+    let of_tile = |(tile, line): (usize, &str)| {
         let material = line.split('\t').nth(1).expect("index, tab, material");
-        let network = open(&format!("merl_nbrdf.zip:{material}"), &data).expect("network of a material");
-        for row in 0..90u32 {
-            for column in 0..90u32 {
-                let position = (f64::from(column) + 0.5) / 90.0;
-                let (wi, wo) = half_difference_directions(HalfDifference {
-                    theta_h: position * position * std::f64::consts::FRAC_PI_2,
-                    theta_d: (f64::from(row) + 0.5).to_radians(),
-                    phi_d: 89.5f64.to_radians(),
-                });
-                let (x, y) = (tile as u32 % 10 * 90 + column, tile as u32 / 10 * 90 + row);
-                let pixel = picture.get_pixel(x, 899 - y).0;
-                let value = network.eval(wi, wo).expect("networks know everything");
-                for c in 0..3 {
-                    // Black says nothing about a ratio, and the brightest pixels are clipped.
-                    if (1..255).contains(&pixel[c]) && wi.z > 0.0 && wo.z > 0.0 {
-                        ratios.push((value[c] / linear(pixel[c])).ln().abs());
-                    }
-                }
-            }
+        let brdf = open(&format!("{file}:{material}"), &data).expect("a material of the slice");
+        let mut ratios = Vec::new();
+        for (row, column) in (0..90u32).flat_map(|row| (0..90u32).map(move |column| (row, column))) {
+            let position = (f64::from(column) + 0.5) / 90.0;
+            let (wi, wo) = half_difference_directions(HalfDifference {
+                theta_h: position * position * std::f64::consts::FRAC_PI_2,
+                theta_d: (f64::from(row) + 0.5).to_radians(),
+                phi_d: 89.5f64.to_radians(),
+            });
+            let (x, y) = (tile as u32 % 10 * 90 + column, tile as u32 / 10 * 90 + row);
+            let pixel = picture.get_pixel(x, 899 - y).0;
+            let value = brdf.eval(wi, wo).expect("known everywhere");
+            // Black says nothing about a ratio, and the brightest pixels are clipped.
+            let used = (0..3).filter(|c| (1..255).contains(&pixel[*c]) && counts(wi, wo, linear(pixel[*c])));
+            ratios.extend(used.map(|c| (value[c].max(1e-4) / linear(pixel[c])).ln().abs()));
         }
-    }
-    let found = median(ratios);
+        ratios
+    };
+    order.lines().enumerate().collect::<Vec<_>>().into_par_iter().map(of_tile).collect()
+}
+
+/// 0.057; which dark pixels count moves it between 0.048 (none below a linear value of 0.01) and 0.061 (all but black), hence the
+/// tolerance.
+#[test_with::env(VERNIS_DATA)]
+#[test]
+fn networks_agree_with_the_measured_slice() {
+    let ratios = ratios_to_the_measured_slice("merl_nbrdf.zip", |wi, wo, _| wi.z > 0.0 && wo.z > 0.0);
+    let found = median(ratios.concat());
     println!("median |ln ratio| of networks and the measured slice: {found:.4}");
     assert!((found - 0.057).abs() < 0.01, "{found}");
+}
+
+/// The layout of the factor file: with F one column later the mean is 0.203, with the first bin of F read as black it is larger
+/// still. 0.1996 was found with numpy, from a reading of the file that shares nothing with ours.
+#[test_with::env(VERNIS_DATA)]
+#[test]
+fn factors_agree_with_the_measured_slice() {
+    let lowest = 85f64.to_radians().cos();
+    let ratios = ratios_to_the_measured_slice("npf.bin", |wi, wo, value| {
+        wi.z > lowest && wo.z > lowest && 0.004 < value && value < 0.95
+    });
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+    // Materials of which nearly all pixels are black or clipped say nothing.
+    let of_materials: Vec<f64> = ratios.iter().filter(|r| r.len() >= 50).map(|r| mean(r)).collect();
+    let found = mean(&of_materials);
+    println!("mean |ln ratio| of factors and the measured slice: {found:.4}, {} materials", of_materials.len());
+    assert!((found - 0.1996).abs() < 0.001, "{found}");
 }
 
 #[test_with::env(VERNIS_DATA)]

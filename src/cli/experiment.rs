@@ -5,8 +5,9 @@ use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
-use vernis::dataset::Study;
+use vernis::dataset::{Study, manifest};
 use vernis::experiment::losses::{Found, LossesOptions, losses};
+use vernis::experiment::rebuilt::{RebuiltOptions, hypotheses, rebuilt};
 use vernis::report::{self, OutputFolder};
 
 /// Experiments.
@@ -20,6 +21,8 @@ pub struct ExperimentArgs {
 enum Question {
     /// Which loss should a fit have?
     Losses(LossesArgs),
+    /// Which rebuilt candidates explain the ratings of their method?
+    Rebuilt(RebuiltArgs),
 }
 
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
@@ -67,6 +70,7 @@ pub struct LossesArgs {
 pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
     match args.experiment {
         Question::Losses(args) => run_losses(shared, &args),
+        Question::Rebuilt(args) => run_rebuilt(shared, &args),
     }
 }
 
@@ -116,4 +120,54 @@ fn command_line(args: &LossesArgs, study: &Study) -> String {
          --resamples {} --seed {}",
         args.materials, args.grid, args.graph_grid, args.max_evaluations, args.folds, args.resamples, args.seed
     )
+}
+
+/// Predict a method's ratings from candidates rebuilt in several ways, with a judge that saw neither method nor material.
+#[derive(Args)]
+#[command(after_help = "\
+The study is `lavoue2021-open`, whose candidates are reconstructions. The experiment covers ABC (index of refraction), WARD (form of the
+lobe) and BAGHER, and then the metric's agreement without the rows of ABC and WARD. On two cores it takes about 15 minutes.
+
+Example:
+  vernis experiment rebuilt --data ~/brdf-data --out out/rebuilt")]
+pub struct RebuiltArgs {
+    /// Folder to write to.
+    #[arg(long, short, value_name = "DIR")]
+    out: PathBuf,
+    /// Cross-validation folds, by material.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    folds: usize,
+    /// Bootstrap resamples of materials.
+    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
+    resamples: usize,
+    /// Seed of folds, training and resamples.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print the record as JSON instead of the tables.
+    #[arg(long)]
+    json: bool,
+}
+
+fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
+    let study = Study::load(manifest::OPEN, shared.data.as_deref()).map_err(user_error)?;
+    study.validate(args.folds).map_err(user_error)?;
+    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let options = RebuiltOptions {
+        data: shared.data.clone(),
+        cache: workspace::cache(shared)?,
+        folds: args.folds,
+        resamples: args.resamples,
+        seed: args.seed,
+    };
+    let bar = Bar::new();
+    let found = rebuilt(&study, &hypotheses(), &options, &|stage, progress| bar.update(stage, progress));
+    bar.finish();
+    let record = found.map_err(workspace::experiment_error)?;
+    let command =
+        format!("vernis experiment rebuilt --folds {} --resamples {} --seed {}", args.folds, args.resamples, args.seed);
+    let path = folder.write("report.md", report::rebuilt::markdown(&record, &command).as_bytes())?;
+    if args.json {
+        return print(format!("{}\n", serde_json::to_string_pretty(&record)?));
+    }
+    print(format!("{}report: {}\n", report::rebuilt::text(&record), path.display()))
 }

@@ -1,5 +1,5 @@
 //! One file a question: the training job, the benchmark of a study, the sweep of transport's parameters, which loss a fit should
-//! have, and a study's candidates made anew.
+//! have, a study's candidates made anew, and which candidates explain the ratings.
 //!
 //! Everything here is callable from a program of one's own: plain options in, a callback for progress, a typed result out.
 //! Nothing prints, and nothing knows of a terminal.
@@ -7,6 +7,8 @@
 #[cfg(feature = "train")]
 mod contenders;
 pub mod losses;
+#[cfg(feature = "train")]
+pub mod rebuilt;
 pub mod refit;
 pub mod sweep;
 #[cfg(feature = "train")]
@@ -70,6 +72,8 @@ pub enum ExperimentError {
     Embedding(Box<EmbeddingError>),
     #[error("{}: none of the {asked} combinations is there", folder.display())]
     NothingKept { folder: PathBuf, asked: usize },
+    #[error("{study}: no rated pair is of a method that could be rebuilt in a known way; there must be at least one")]
+    NoWay { study: String },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
 }

@@ -6,6 +6,8 @@ pub mod losses;
 pub mod output;
 pub mod page;
 pub mod pictures;
+#[cfg(feature = "train")]
+pub mod rebuilt;
 pub mod spreadsheet;
 pub mod study;
 pub mod sweep;

@@ -57,7 +57,7 @@ fn a_batch_gives_the_bits_of_single_evaluations() {
 /// D9.Cl of Lavoue et al. 2021 as their program computes it: the root of the mean, over the cells of polar angles 0 to 79
 /// degrees, of the summed squared differences of the channels' ln(max(f c + 1e-3, 1e-3)), c = max(cos theta_i cos theta_o,
 /// 1e-3). Here every fifth degree of azimuth, and of the polar angles 0, 1, and then 3, 6, ..., 78 for three degrees
-/// each: the first two stand alone because the published factors vanish at 0.
+/// each; the first two stand alone.
 fn log_cosine_distance(reference: &dyn Brdf, candidate: &dyn Brdf) -> f64 {
     let polar = || [(0.0, 1.0), (1.0, 1.0)].into_iter().chain((1..=26).map(|k| (3.0 * f64::from(k), 3.0)));
     let azimuths = || (0..72).map(|k| 5.0 * f64::from(k));

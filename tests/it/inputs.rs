@@ -187,7 +187,8 @@ fn models_are_described_by_their_parameters() {
     assert_eq!(found["warnings"], json!([]));
     assert_eq!(found["albedo"][1]["theta_deg"], 30.0);
     let p: Vec<f64> = vernis::brdf::models::schema("ggx+ward").expect("a model").iter().map(|p| p.start).collect();
-    assert!(build("ggx+ward", &p).expect("valid").as_model().is_some());
+    let sum: std::sync::Arc<dyn Brdf> = build("ggx+ward", &p).expect("valid");
+    assert!(sum.as_model().is_some());
 }
 
 #[test]

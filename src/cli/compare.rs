@@ -1,10 +1,12 @@
 //! `vernis compare`: two BRDFs, any number of metrics.
 
 use super::workspace::MetricChoice;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, plausible, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Map, Value, json};
+use vernis_metric::brdf::plausibility::Plausibility;
+use vernis_metric::io::decimals;
 use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare two BRDFs.
@@ -12,7 +14,9 @@ use vernis_metric::metric::registry::{Distance, distances};
 #[command(after_help = "\
 A BRDF is written as
   PATH.binary, PATH.titopo, PATH.titopoh          a table
-  ARCHIVE.zip:MATERIAL                            a network or a table of an archive
+  PATH.bsdf                                       a measurement of the RGL database, isotropic and in RGB
+  PATH.h5                                         an NBRDF network
+  ARCHIVE.zip:MATERIAL                            any of these in an archive
   FILE.fit:MATERIAL[?KEY=VALUE&...]               a published fit, with overrides
   npf.bin:MATERIAL                                tabulated factors
   MODEL.json[?KEY=VALUE&...]                      a model and its parameters
@@ -31,10 +35,11 @@ pub struct CompareArgs {
     candidate: String,
     #[command(flatten)]
     choice: MetricChoice,
-    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
+    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}, "albedo", "warnings"}.
     #[arg(long)]
     json: bool,
-    /// Also print the distance of each channel, for metrics that have one.
+    /// Also print the distance of each channel. Lp metrics other than D6 and lab, and those on graphs, have one; learned metrics,
+    /// D6 and lab take the channels together.
     #[arg(long)]
     per_channel: bool,
 }
@@ -45,9 +50,26 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
     let candidate = workspace::open(&args.candidate, shared.data.as_deref())?;
     workspace::warm_up(shared, &metrics)?;
     let found = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref()).map_err(user_error)?;
-    if args.json {
-        return print(serde_json::to_string_pretty(&to_json(&found, args.per_channel))? + "\n");
+    if args.per_channel && found.iter().all(|d| d.channels.is_none()) {
+        let names = found.iter().map(|d| d.metric.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(user_error(format!(
+            "--per-channel needs a metric with a distance of each channel, and none of {names} has one; Lp metrics other than D6 \
+             and lab, ot, energy and mmd-* do"
+        )));
     }
+    let looks = [&reference, &candidate].map(|open| Plausibility::of(open.brdf.as_ref()));
+    let mut warnings = plausible::warnings(&args.reference, &looks[0]);
+    if reference.content != candidate.content {
+        warnings.extend(plausible::warnings(&args.candidate, &looks[1]));
+    }
+    if args.json {
+        let mut all = to_json(&found, args.per_channel);
+        let [reference, candidate] = looks.map(|look| plausible::albedo_json(&look));
+        all["albedo"] = json!({"reference": reference, "candidate": candidate});
+        all["warnings"] = json!(warnings);
+        return print(serde_json::to_string_pretty(&all)? + "\n");
+    }
+    workspace::warn(warnings);
     let mut text = to_text(&found, args.per_channel);
     if metrics.iter().any(|metric| metric.properties().synthetic) {
         text += "SYNTHETIC: a metric above was trained on simulated observers; its scores say nothing about people.\n";
@@ -71,6 +93,8 @@ fn to_json(found: &[Distance], per_channel: bool) -> Value {
     let mut all = json!({"distances": distances, "mos": mos});
     if per_channel {
         all["channels"] = Value::Object(channels);
+        let without: Vec<_> = found.iter().filter(|d| d.channels.is_none()).map(|d| d.metric.as_str()).collect();
+        all["without_channels"] = json!(without);
     }
     all
 }
@@ -79,12 +103,16 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
     let width = found.iter().map(|d| d.metric.len()).max().unwrap_or(0);
     let mut text = String::new();
     for d in found {
-        text += &format!("{:width$}  {:<12.6}", d.metric, d.value);
+        text += &format!("{:width$}  {:<12}", d.metric, decimals(d.value, 6));
         if let Some(s) = d.score {
             text += &format!("  predicted MOS {:.2} of 5, 95 % between {:.2} and {:.2}", s.mos, s.low, s.high);
         }
-        if let (true, Some([r, g, b])) = (per_channel, d.channels) {
-            text += &format!("  R {}  G {}  B {}", number(r), number(g), number(b));
+        match d.channels {
+            Some([r, g, b]) if per_channel => {
+                text += &format!("  R {}  G {}  B {}", number(r), number(g), number(b));
+            }
+            None if per_channel => text += "  (no distance of each channel: it takes them together)",
+            _ => (),
         }
         text = text.trim_end().to_owned() + "\n";
     }
@@ -93,5 +121,5 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
 
 /// Six decimals, or as many digits where they would show nothing.
 fn number(x: f64) -> String {
-    if x == 0.0 || x.abs() >= 0.01 { format!("{x:.6}") } else { format!("{x:.5e}") }
+    if x == 0.0 || x.abs() >= 0.01 { decimals(x, 6) } else { format!("{x:.5e}") }
 }

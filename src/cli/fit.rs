@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::view::View;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, plausible, print, user_error, workspace};
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -89,6 +89,7 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
     };
     let (folder, name) = output(&args.out)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
+    plausible::warn(&args.reference, &*reference.brdf);
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
     let fitted = fitting.run(&*reference.brdf, &|stage, progress| bar.update(stage, progress));

@@ -6,6 +6,7 @@
 mod compare;
 mod data;
 mod describe;
+mod evaluate;
 #[cfg(feature = "train")]
 mod experiment;
 #[cfg(feature = "train")]
@@ -13,6 +14,7 @@ mod extract;
 mod fit;
 mod manifold;
 mod metrics;
+mod plausible;
 mod progress;
 mod refit;
 mod report;
@@ -95,8 +97,10 @@ enum Command {
     Experiment(experiment::ExperimentArgs),
     /// List the metrics.
     Metrics(metrics::MetricsArgs),
-    /// Describe one BRDF: what it is, and its descriptors.
+    /// Describe one BRDF: what it is, and its descriptors; or list the materials of an archive.
     Describe(describe::DescribeArgs),
+    /// The values of a BRDF at pairs of directions, from a CSV file to a CSV file.
+    Evaluate(evaluate::EvaluateArgs),
     /// Statistics of a study's ratings: means, agreement, material types, illuminations, screening.
     Study(study::StudyArgs),
     /// One page of a study: its ratings, its materials, and how metrics agree with them.
@@ -179,6 +183,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Experiment(args) => experiment::run(&cli.shared, args),
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
+        Command::Evaluate(args) => evaluate::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),
         Command::Report(args) => report::run(&cli.shared, args),
         Command::Data(args) => data::run(&cli.shared, args),

@@ -8,6 +8,7 @@ mod evaluation;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+mod inputs;
 mod learned;
 mod losses;
 mod old_files;

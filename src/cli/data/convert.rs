@@ -1,10 +1,11 @@
 //! `vernis data convert`: a BRDF into a table of another format.
 
-use super::super::{Shared, print, user_error, workspace};
+use super::super::{Shared, plausible, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::path::{Path, PathBuf};
+use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::{merl, titopo};
 use vernis_metric::brdf::{ConversionLoss, Grid, TabulatedBrdf, on_grid};
 
@@ -22,11 +23,13 @@ Values are interpolated between samples. The loss for GGX of roughness 0.2, conv
 
 Sharper highlights lose more: MERL resolves a hundredth of a degree around the highlight, Titopo one degree, half Titopo
 two. MERL with 180 columns keeps one of the two values of a pair of directions that is seen from either side. Cells of
-MERL below the horizon have no place in Titopo. The command prints the loss of the converted table.
+MERL below the horizon have no place in Titopo. Colours outside the gamut, which RGL's measurements have, lose their negative
+components. The command prints the loss of the converted table and the albedo of what was read.
 
 Examples:
   vernis data convert alum-bronze.binary alum-bronze.titopo
   vernis data convert teflon.T.titopo teflon.binary --phi 360
+  vernis data convert chm_orange_rgb.bsdf chm_orange.binary
   vernis data convert nbrdf/merl_nbrdf.zip:teflon teflon.titopoh --data ~/brdf-data";
 
 #[derive(Args)]
@@ -51,6 +54,8 @@ pub fn run(shared: &Shared, args: ConvertArgs) -> Result<()> {
     if args.output.exists() && !args.replace {
         return Err(user_error(format!("{} exists already; use --replace to replace it", args.output.display())));
     }
+    let folder = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    OutputFolder::create(folder).map_err(user_error)?;
     let open = workspace::open(&args.input, shared.data.as_deref())?;
     let table = on_grid(&*open.brdf, grid).map_err(|e| user_error(format!("{}: {e}", args.input)))?;
     match grid {
@@ -72,6 +77,7 @@ pub fn run(shared: &Shared, args: ConvertArgs) -> Result<()> {
             )
         }
     };
+    text += &plausible::albedo_text(&plausible::warn(&args.input, &*open.brdf));
     print(text)
 }
 

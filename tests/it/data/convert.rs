@@ -82,6 +82,11 @@ fn the_program_converts_every_format_into_every_other() {
         assert!(error(&output).contains(expected), "{}", error(&output));
         assert!(!Path::new(&at(to)).exists());
     }
+    // The folder of the output is made, as `fit` makes it.
+    let made = vernis_data(&["convert", text(&at("c.titopoh")), text(&at("new/folder/c.titopoh"))]);
+    assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
+    assert!(out(&made).contains("albedo for light at 30 deg: 0.2"), "{}", out(&made));
+    assert_eq!(fs::read(at("new/folder/c.titopoh")).expect("written"), fs::read(at("c.titopoh")).expect("there"));
     // A model is evaluated at every sample.
     fs::write(at("m.json"), r#"{"model":"ggx","kd":[0.2,0.1,0.05],"f0":[0.04,0.04,0.04],"alpha":0.2}"#)
         .expect("writable");

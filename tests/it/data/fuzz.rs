@@ -9,7 +9,7 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 use std::process::Command;
-use vernis::brdf::formats::{fit, materials, merl, nbrdf, npf, titopo};
+use vernis::brdf::formats::{fit, materials, merl, nbrdf, npf, rgl, titopo};
 use vernis::brdf::{BrdfSource, Grid};
 use vernis::dataset::Study;
 use vernis::dataset::opinions::StudyOpinions;
@@ -206,6 +206,42 @@ fn networks() {
     let file = Path::new("x.zip");
     let good = network();
     fuzz(600, "x.zip", &good, |bytes| outcome(nbrdf::decode(file, "teflon", bytes.to_vec())));
+    let alone = Path::new("x.h5");
+    fuzz(200, "x.h5", &good, |bytes| outcome(nbrdf::decode_file(alone, bytes.to_vec())));
+}
+
+/// A small file as RGL's are: the named arrays, then their numbers.
+fn measurement() -> Vec<u8> {
+    let arrays: [(&str, u8, &[u64]); 7] = [
+        ("phi_i", 10, &[1]),
+        ("theta_i", 10, &[2]),
+        ("ndf", 10, &[2, 3]),
+        ("sigma", 10, &[2, 3]),
+        ("vndf", 10, &[1, 2, 3, 4]),
+        ("rgb", 10, &[1, 2, 3, 3, 3]),
+        ("jacobian", 1, &[1]),
+    ];
+    let mut head = [&b"tensor_file\0\x01\0"[..], &(arrays.len() as u32).to_le_bytes()].concat();
+    let size: usize = arrays.iter().map(|(name, _, shape)| 2 + name.len() + 2 + 1 + 8 + 8 * shape.len()).sum();
+    let mut data = Vec::new();
+    let start = head.len() + size;
+    for (name, kind, shape) in arrays {
+        head.extend((name.len() as u16).to_le_bytes());
+        head.extend(name.as_bytes());
+        head.extend((shape.len() as u16).to_le_bytes());
+        head.push(kind);
+        head.extend(((start + data.len()) as u64).to_le_bytes());
+        shape.iter().for_each(|n| head.extend(n.to_le_bytes()));
+        for k in 0..shape.iter().product() {
+            if kind == 1 { data.push(1) } else { data.extend((k as f32).to_le_bytes()) }
+        }
+    }
+    [head, data].concat()
+}
+
+#[test]
+fn measurements_of_rgl() {
+    fuzz(1000, "x.bsdf", &measurement(), |bytes| outcome(rgl::decode(Path::new("x.bsdf"), bytes)));
 }
 
 /// The file of a real material, with every feature that Keras uses.
@@ -307,6 +343,9 @@ fn large_files_are_not_read() {
         ("a.fit", &["describe", "a.fit:teflon"]),
         ("a.bin", &["describe", "a.bin:teflon"]),
         ("a.zip", &["describe", "a.zip:teflon"]),
+        ("a.bsdf", &["describe", "a.bsdf"]),
+        ("a.h5", &["describe", "a.h5"]),
+        ("at.csv", &["evaluate", "b.json", "--at", "at.csv"]),
         ("a.csv", &["study", "--study", "a.csv"]),
         ("raw.csv", &["study", "--ratings", "raw.csv"]),
         ("a.vernis.json", &["compare", "b.json", "b.json", "--metric", "a.vernis.json"]),

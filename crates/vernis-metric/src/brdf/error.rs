@@ -1,13 +1,13 @@
 //! Everything that can be wrong with a reflectance source.
 
-use super::models::ModelError;
+use super::models::{self, ModelError};
 use super::tabulated::TableError;
-use crate::io::{did_you_mean, shown};
+use crate::io::{did_you_mean, number, shown};
 use std::path::PathBuf;
 use thiserror::Error;
 
 /// The notation of sources in short.
-const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, ARCHIVE.zip:MATERIAL, \
+const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, PATH.bsdf, PATH.h5, ARCHIVE.zip:MATERIAL, \
      FILE.fit:MATERIAL[?KEY=VALUE&...], npf.bin:MATERIAL, MODEL.json[?KEY=VALUE&...]";
 
 /// Why a BRDF could not be read, written or made. Each message is one line that names place, finding and remedy.
@@ -31,7 +31,7 @@ pub enum BrdfError {
     )]
     Header { path: PathBuf, found: [i32; 3] },
     /// A number that is no reflectance and no mark of a missing one.
-    #[error("{}: {place} holds {found}; it must hold {allowed}", path.display())]
+    #[error("{}: {place} holds {}; it must hold {allowed}", path.display(), number(*found))]
     Value { path: PathBuf, place: String, found: f64, allowed: &'static str },
     /// The values read do not make a table.
     #[error("{}: {cause}", path.display())]
@@ -49,10 +49,10 @@ pub enum BrdfError {
     #[error("{}: no material `{}`; {}", path.display(), shown(found, 100), did_you_mean(nearest))]
     UnknownMaterial { path: PathBuf, found: String, nearest: Vec<String> },
     /// A field or key that the model lacks.
-    #[error("{place}: {model} has no parameter `{}`; {}; its parameters are {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
+    #[error("{place}: {model} has no parameter `{}`; {}; its parameters are {}", shown(found, 100), models::foreign::parameter(found, allowed).unwrap_or_else(|| did_you_mean(nearest)), allowed.join(", "))]
     UnknownField { place: String, model: String, found: String, nearest: Vec<String>, allowed: Vec<String> },
     /// A model that does not exist.
-    #[error("{place}: unknown model `{}`; {}; the models are {}", shown(found, 100), did_you_mean(nearest), allowed.join(", "))]
+    #[error("{place}: unknown model `{}`; {}; the models are {}", shown(found, 100), models::foreign::model(found).unwrap_or_else(|| did_you_mean(nearest)), allowed.join(", "))]
     UnknownModel { place: String, found: String, nearest: Vec<String>, allowed: Vec<String> },
     /// A field that is absent or of the wrong shape.
     #[error("{place}: {field} is {}; it must be {allowed}", if found.is_empty() { "empty".to_owned() } else { shown(found, 200) })]

@@ -1,4 +1,5 @@
-//! Reflectance functions: the trait, tabulated data, published models, file formats and the source notation.
+//! Reflectance functions: the trait, tabulated data, published models, file formats, the source notation, and whether values
+//! can be those of a material.
 
 mod cell_finder;
 mod error;
@@ -6,16 +7,18 @@ pub mod formats;
 mod grid;
 mod interpolation;
 pub mod models;
+pub mod plausibility;
 mod source;
 mod tabulated;
 
 pub use error::BrdfError;
 pub use grid::{Anchor, Grid, GridDirections};
 pub use interpolation::{ConversionLoss, on_grid};
-pub use source::{BrdfSource, ContentHash, IdentifiedBrdf, OpenBrdf};
+pub use source::{BrdfSource, ContentHash, IdentifiedBrdf, OpenBrdf, collection};
 pub use tabulated::{TableError, TabulatedBrdf};
 
 use crate::math::{Rgb, Vec3};
+use models::AnalyticBrdf;
 
 /// An isotropic bidirectional reflectance distribution function.
 ///
@@ -44,5 +47,29 @@ pub trait Brdf: Send + Sync {
     /// The table behind this BRDF, if it is one: lets a reader of tables avoid evaluating cell by cell.
     fn as_table(&self) -> Option<&TabulatedBrdf> {
         None
+    }
+
+    /// The model behind this BRDF, if it is one: its name and its parameters.
+    fn as_model(&self) -> Option<&dyn AnalyticBrdf> {
+        None
+    }
+
+    /// What the BRDF says of itself, for readers: one line, as its file has it.
+    fn description(&self) -> Option<String> {
+        None
+    }
+
+    /// Whether components may be below zero because they are colours outside the gamut of the primaries, and not a fault.
+    fn is_signed(&self) -> bool {
+        false
+    }
+
+    /// [`Brdf::eval_batch`] as tables and metrics need it: components outside the gamut ([`Brdf::is_signed`]) count as 0.
+    /// Whatever else is below zero stays, for the caller to refuse.
+    fn eval_in_gamut(&self, wi: &[Vec3], wo: &[Vec3], out: &mut [Option<Rgb>]) {
+        self.eval_batch(wi, wo, out);
+        if self.is_signed() {
+            out.iter_mut().flatten().flatten().for_each(|v| *v = if *v < 0.0 { 0.0 } else { *v });
+        }
     }
 }

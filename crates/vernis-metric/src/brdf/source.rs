@@ -4,7 +4,9 @@
 //! | --- | --- |
 //! | `alum-bronze.binary` | a MERL table |
 //! | `teflon.T.titopo`, `teflon.T.titopoh` | a Titopo table |
-//! | `merl_nbrdf.zip:teflon`, `BRDFDatabase.zip:teflon` | a network or a table of an archive |
+//! | `chm_orange_rgb.bsdf` | a measurement of the RGL database, isotropic and in RGB |
+//! | `teflon.h5` | an NBRDF network |
+//! | `merl_nbrdf.zip:teflon`, `BRDFDatabase.zip:teflon` | any of these in an archive |
 //! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
 //! | `npf.bin:teflon` | tabulated factors |
 //! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
@@ -12,7 +14,7 @@
 //! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
 //! parameters as another model of the same fields.
 
-use super::formats::{archive, extension, fit, merl, model_json, nbrdf, npf, titopo};
+use super::formats::{archive, extension, fit, materials, merl, model_json, nbrdf, npf, rgl, titopo, what_it_is};
 use super::models::NamedParameters;
 use super::{Brdf, BrdfError};
 use sha2::{Digest, Sha256};
@@ -21,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// Folders below the data folder in which a relative path is looked for as well.
-const SUBFOLDERS: [&str; 5] = ["nbrdf", "published-fits", "bagher2016-npf", "merl", "lavoue2021"];
+const SUBFOLDERS: [&str; 6] = ["nbrdf", "published-fits", "bagher2016-npf", "merl", "lavoue2021", "rgl"];
 
 /// SHA-256 of what defines a BRDF (file bytes, or the canonical form of a model's parameters): the cache key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -179,6 +181,14 @@ impl BrdfSource {
         }
     }
 
+    /// The file that is read, where there is one.
+    pub fn file(&self, base: Option<&Path>) -> Option<PathBuf> {
+        match self {
+            Self::Notation(notation) => find(Parsed::new(notation).ok()?.path, base).ok(),
+            Self::Generated(_) => None,
+        }
+    }
+
     /// Reads the BRDF. A relative path is tried as given, then below `base`, the data folder, and its known subfolders.
     pub fn open(&self, base: Option<&Path>) -> Result<OpenBrdf, BrdfError> {
         match self {
@@ -215,6 +225,8 @@ impl BrdfSource {
 enum Kind {
     Merl,
     Titopo,
+    Rgl,
+    Network,
     Archive,
     Fits,
     Factors,
@@ -226,6 +238,8 @@ impl Kind {
         Some(match extension(Path::new(path)).as_str() {
             "binary" => Self::Merl,
             "titopo" | "titopoh" => Self::Titopo,
+            "bsdf" => Self::Rgl,
+            "h5" => Self::Network,
             "zip" => Self::Archive,
             "fit" => Self::Fits,
             "bin" => Self::Factors,
@@ -265,11 +279,18 @@ impl<'a> Parsed<'a> {
         let Some(kind) = Kind::of(path) else {
             return Err(error(match extension(Path::new(path)) {
                 none if none.is_empty() => "the file name has no extension".to_owned(),
-                other => format!("the extension `{other}` is unknown"),
+                other => match what_it_is(&other) {
+                    Some(known) => format!("a `.{other}` is {known}"),
+                    None => format!("the extension `{other}` is unknown"),
+                },
             }));
         };
         let material = match (kind.has_materials(), material) {
-            (true, None | Some("")) => return Err(error(format!("`{path}` holds many materials, name one"))),
+            (true, None | Some("")) => {
+                let other =
+                    if kind == Kind::Factors { " (a `.bin` of UTIA is another format and cannot be read)" } else { "" };
+                return Err(error(format!("`{path}` holds many materials, name one{other}")));
+            }
             (false, Some(_)) => return Err(error(format!("`{path}` holds one material, it takes no name"))),
             (_, material) => material.unwrap_or_default(),
         };
@@ -288,12 +309,24 @@ impl<'a> Parsed<'a> {
         let material = self.material;
         Ok(match self.kind {
             Kind::Merl | Kind::Titopo => Found::Table(TableFile::open(self.kind, path)?),
+            Kind::Rgl => {
+                let bytes = rgl::bytes(path)?;
+                Found::Open(ContentHash::of(&bytes), Arc::new(rgl::decode(path, &bytes)?))
+            }
+            Kind::Network => {
+                let bytes = nbrdf::bytes(path)?;
+                Found::Open(ContentHash::of(&bytes), Arc::new(nbrdf::decode_file(path, bytes)?))
+            }
             Kind::Archive => {
                 let archive::Member { name, bytes } = archive::member(path, material)?;
                 match Kind::of(&name) {
                     Some(kind @ (Kind::Merl | Kind::Titopo)) => {
                         let place = PathBuf::from(format!("{}:{name}", path.display()));
                         Found::Table(TableFile::new(kind, place, bytes)?)
+                    }
+                    Some(Kind::Rgl) => {
+                        let place = PathBuf::from(format!("{}:{name}", path.display()));
+                        Found::Open(ContentHash::of(&bytes), Arc::new(rgl::decode(&place, &bytes)?))
                     }
                     _ => Found::Open(ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?)),
                 }
@@ -330,6 +363,18 @@ impl<'a> Parsed<'a> {
             found: format!("{model} ({})", fields(&other)),
             allowed: format!("a model with the fields of {} ({})", parameters.model(), fields(parameters)),
         })
+    }
+}
+
+/// The materials of the collection that `notation` names as a whole, such as `merl_nbrdf.zip` or `npf.bin`, sorted; `None`
+/// where it names something else. The file is looked for as [`BrdfSource::open`] does.
+///
+/// # Errors
+/// A file that is missing or no collection of its kind.
+pub fn collection(notation: &str, base: Option<&Path>) -> Result<Option<Vec<String>>, BrdfError> {
+    match Kind::of(notation) {
+        Some(kind) if kind.has_materials() => materials(&find(notation, base)?).map(Some),
+        _ => Ok(None),
     }
 }
 
@@ -374,7 +419,14 @@ mod tests {
     fn a_wrong_notation_says_what_is_allowed() {
         for (notation, expected) in [
             ("teflon", "no extension"),
-            ("teflon.png", "extension `png` is unknown"),
+            ("teflon.vernis", "extension `vernis` is unknown"),
+            ("teflon.alta", "a `.alta` is data or a fitted function of ALTA"),
+            ("x.brdf", "a `.brdf` is a model in GLSL for BRDF Explorer, or scattered measurements of pbrt-v2"),
+            ("x.astm", "ASTM E1392"),
+            ("m001.png", "UTIA"),
+            ("m001.bin", "UTIA"),
+            ("a.bsdf:x", "takes no name"),
+            ("a.h5?alpha=1", "no parameters to override"),
             ("merl_nbrdf.zip", "name one"),
             ("merl_nbrdf.zip:", "name one"),
             ("a.binary:teflon", "takes no name"),

@@ -54,7 +54,7 @@ impl TabulatedBrdf {
     }
 
     /// `brdf` evaluated at every cell of `grid`, in parallel. Directions below the horizon and missing measurements
-    /// become invalid cells.
+    /// become invalid cells; colours outside the gamut lose their negative components.
     pub fn tabulate(brdf: &dyn Brdf, grid: Grid) -> Result<Self, TableError> {
         let n = grid.len();
         let mut values = vec![[0.0f32; 3]; n];
@@ -64,7 +64,7 @@ impl TabulatedBrdf {
             |(chunk, (values, valid))| {
                 let (wi, wo): (Vec<_>, Vec<_>) = (0..values.len()).map(|k| directions.get(chunk * CHUNK + k)).unzip();
                 let mut out = vec![None; values.len()];
-                brdf.eval_batch(&wi, &wo, &mut out);
+                brdf.eval_in_gamut(&wi, &wo, &mut out);
                 for k in 0..values.len() {
                     if let Some(c) = out[k] {
                         values[k] = c.map(|x| x as f32);

@@ -22,7 +22,7 @@ pub use result_file::{FIT_VERSION, FitFile, KeptFit, MetricUsed, ReferenceUsed};
 pub use space::Space;
 
 use crate::brdf::BrdfError;
-use crate::brdf::models::{ModelError, names};
+use crate::brdf::models::{ModelError, foreign, names};
 use crate::io::{did_you_mean, nearest};
 use crate::metric::MetricError;
 use thiserror::Error;
@@ -36,7 +36,7 @@ pub enum FitError {
     Metric(#[from] MetricError),
     #[error(transparent)]
     Model(ModelError),
-    #[error("unknown model `{found}`; {}; the models are {}, and sums such as ggx+ward", did_you_mean(nearest), names().join(", "))]
+    #[error("unknown model `{found}`; {}; the models are {}, and sums such as ggx+ward", foreign::model(found).unwrap_or_else(|| did_you_mean(nearest)), names().join(", "))]
     UnknownModel { found: String, nearest: Vec<String> },
     #[error("{what} is {found}; it must be {allowed}")]
     Setting { what: &'static str, found: String, allowed: String },

@@ -84,7 +84,7 @@ fn samples(reference: &dyn Brdf) -> Result<Vec<Sample>, FitError> {
             let found: Vec<_> = (0..AZIMUTHS)
                 .map(at)
                 .filter(visible)
-                .filter_map(|(wi, wo)| reference.eval(wi, wo).map(|value| (wi, wo, value)))
+                .filter_map(|(wi, wo)| reference.eval(wi, wo).map(|value| (wi, wo, value.map(|v| v.max(0.0)))))
                 .collect();
             let Some(&(wi, wo, _)) = found.first() else { continue };
             let mean = |c: usize| found.iter().map(|f| f.2[c]).sum::<f64>() / found.len() as f64;

@@ -24,7 +24,7 @@
 use super::{FitError, Fitted, Fitting, direct};
 use crate::brdf::formats::model_json::{FIT_FORMAT, FIT_READABLE_FROM};
 use crate::brdf::models::AnalyticBrdf;
-use crate::io::{SealError, read_at_most, seal_of};
+use crate::io::{SealError, read_at_most, seal_of, unique_keys};
 use crate::metric::Metric;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -163,7 +163,9 @@ impl FitFile {
     }
 
     fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let mut file: Self = serde_json::from_slice(bytes).map_err(|e| format!("it cannot be read ({e})"))?;
+        let unreadable = |e: serde_json::Error| format!("it cannot be read ({e})");
+        unique_keys(bytes).map_err(unreadable)?;
+        let mut file: Self = serde_json::from_slice(bytes).map_err(unreadable)?;
         match (file.format, file.seal.take()) {
             (FIT_FORMAT, Some(seal)) if seal_of(&file).is_ok_and(|own| own == seal) => file.seal = Some(seal),
             // Before seals, the version of a classical metric was that of the program.

@@ -45,9 +45,46 @@ pub fn shown(text: &str, most: usize) -> String {
     line
 }
 
+/// A number as short as reads back the same, with an exponent where it would be a long row of zeros: 0.15, 1e-300.
+pub fn number(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() || (1e-5..1e16).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") }
+}
+
+/// A number with `places` decimals, or as many digits with an exponent where these would show nothing or a long row of digits.
+pub fn decimals(x: f64, places: usize) -> String {
+    let shows = x == 0.0 || !x.is_finite() || (10f64.powi(2 - places as i32)..1e9).contains(&x.abs());
+    if shows { format!("{x:.places$}") } else { format!("{x:.0$e}", places.saturating_sub(1)) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn extreme_numbers_are_short() {
+        for (x, expected) in [
+            (0.15, "0.15"),
+            (-2.0, "-2"),
+            (0.0, "0"),
+            (1e-300, "1e-300"),
+            (1.5e300, "1.5e300"),
+            (0.0001, "0.0001"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(number(x), expected);
+        }
+        for (x, places, expected) in [
+            (0.25, 4, "0.2500"),
+            (0.0, 6, "0.000000"),
+            (1234.5, 4, "1234.5000"),
+            (1e-300, 4, "1.000e-300"),
+            (2e26, 6, "2.00000e26"),
+            (0.00051, 6, "0.000510"),
+        ] {
+            assert_eq!(decimals(x, places), expected);
+        }
+    }
 
     #[test]
     fn similar_names_are_suggested_and_others_are_not() {

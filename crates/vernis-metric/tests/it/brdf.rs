@@ -5,6 +5,7 @@
 mod bad_input;
 mod models;
 mod published;
+mod rgl;
 mod tables;
 
 use std::path::Path;

@@ -1,10 +1,10 @@
-//! Zip archives of BRDFs, read in place: networks (`.h5`) as NBRDF publishes them, and tables (`.binary`, `.titopo`, `.titopoh`)
-//! such as the measured materials of MERL in one download.
+//! Zip archives of BRDFs, read in place: networks (`.h5`) as NBRDF publishes them, tables (`.binary`, `.titopo`, `.titopoh`)
+//! such as the measured materials of MERL in one download, and RGL's measurements (`.bsdf`).
 //!
 //! A member is found by its file name without the extension, in whatever folder it lies; its bytes are unpacked into memory,
 //! never onto the disk, and no more of them than its format has a use for.
 
-use super::{extension, io_error, merl, nbrdf, titopo};
+use super::{extension, io_error, merl, nbrdf, rgl, titopo};
 use crate::brdf::BrdfError;
 use crate::io::nearest;
 use std::fs::File;
@@ -97,6 +97,7 @@ fn most_bytes(member: &str) -> Option<u64> {
         "h5" => Some(nbrdf::MOST_BYTES),
         "binary" => Some(merl::MOST_BYTES),
         "titopo" | "titopoh" => Some(titopo::MOST_BYTES),
+        "bsdf" => Some(rgl::MOST_BYTES),
         _ => None,
     }
 }

@@ -2,11 +2,15 @@
 
 pub mod archive;
 pub mod fit;
+mod foreign;
 pub mod merl;
 pub mod model_json;
 pub mod nbrdf;
 pub mod npf;
+pub mod rgl;
 pub mod titopo;
+
+pub(super) use foreign::what_it_is;
 
 use super::{BrdfError, Grid, TableError, TabulatedBrdf};
 use crate::io::NewFile;

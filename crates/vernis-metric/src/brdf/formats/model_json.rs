@@ -7,7 +7,7 @@
 
 use crate::brdf::BrdfError;
 use crate::brdf::models::{FieldError, ModelError, NamedParameters, names};
-use crate::io::{nearest, read_at_most};
+use crate::io::{nearest, read_at_most, unique_keys};
 use serde_json::Value;
 use std::path::Path;
 
@@ -34,8 +34,10 @@ enum ParseError {
 }
 
 fn parse(place: &str, text: &[u8]) -> Result<NamedParameters, ParseError> {
-    let json: serde_json::Map<String, Value> =
-        serde_json::from_slice(text).map_err(|e| ParseError::Json(e.to_string()))?;
+    let json = match unique_keys(text).map_err(|e| ParseError::Json(e.to_string()))? {
+        Value::Object(json) => json,
+        _ => return Err(ParseError::Json("it must be an object, `{...}`".to_owned())),
+    };
     from_object(place, &json).map_err(|e| ParseError::Content(Box::new(e)))
 }
 

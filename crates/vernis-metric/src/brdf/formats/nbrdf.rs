@@ -1,4 +1,4 @@
-//! NBRDF: one small network per material, stored by Keras as HDF5 inside a zip archive.
+//! NBRDF: one small network per material, stored by Keras as HDF5: a file `.h5`, alone or inside a zip archive.
 //!
 //! f = max(exp(W3 relu(W2 relu(W1 x + b1) + b2) + b3) - 1, 0)
 //!
@@ -10,8 +10,9 @@
 //! compiler vectorises over them; every pair sees the same operations in the same order on every path, so that
 //! neither the batch nor the instruction set changes a result.
 
-use super::archive;
+use super::{archive, io_error};
 use crate::brdf::{Brdf, BrdfError};
+use crate::io::read_at_most;
 use crate::math::coordinates::half_and_difference_vectors;
 use crate::math::{Rgb, Vec3};
 use multiversion::multiversion;
@@ -152,6 +153,23 @@ pub fn decode(path: &Path, material: &str, bytes: Vec<u8>) -> Result<Nbrdf, Brdf
         path: path.to_owned(),
         format: "archive of BRDFs",
         reason: format!("{material}: {reason}"),
+    })
+}
+
+/// The bytes of a network that is no member of an archive.
+pub(in crate::brdf) fn bytes(path: &Path) -> Result<Vec<u8>, BrdfError> {
+    read_at_most(path, MOST_BYTES).map_err(io_error(path))
+}
+
+/// The network in the bytes of a file of its own, whose name is `path`.
+///
+/// # Errors
+/// Another kind of file, layers of other shapes, numbers that are none.
+pub fn decode_file(path: &Path, bytes: Vec<u8>) -> Result<Nbrdf, BrdfError> {
+    Nbrdf::from_hdf5(bytes).map_err(|reason| BrdfError::Malformed {
+        path: path.to_owned(),
+        format: "NBRDF network",
+        reason,
     })
 }
 

@@ -34,6 +34,8 @@ const ROW_BYTES: usize = COLUMNS * 12;
 const UNFILLED: [usize; 2] = [2 + BINS, 2 + 2 * BINS];
 /// Of the values that a row gives; part of a material's content hash.
 const VERSION: &str = "npf 2";
+/// Files of the UTIA database, which have the same extension: 288 x 288 directions of RGB in f64 or f32.
+const UTIA_BYTES: [u64; 2] = [3 * 8 * 288 * 288, 3 * 4 * 288 * 288];
 
 /// The 100 materials of the MERL database, sorted.
 #[rustfmt::skip]
@@ -130,6 +132,13 @@ fn open(path: &Path) -> Result<File, BrdfError> {
     let (found, allowed) = (file.metadata().map_err(io_error(path))?.len(), (ROWS * ROW_BYTES) as u64);
     if found == allowed {
         return Ok(file);
+    }
+    if UTIA_BYTES.contains(&found) {
+        return Err(BrdfError::Malformed {
+            path: path.to_owned(),
+            format: "file of factors (NPF)",
+            reason: format!("its {found} bytes are those of an anisotropic BRDF of UTIA, which vernis does not read"),
+        });
     }
     Err(BrdfError::Size { path: path.to_owned(), format: "NPF", found, allowed: format!("exactly {allowed}") })
 }

@@ -181,7 +181,7 @@ impl Dupuy {
             let (wi, wo) = half_difference_directions(HalfDifference { theta_h, theta_d, phi_d: FRAC_PI_2 });
             let facets = self.facets(&HalfVector::new(wi, wo), wi, wo);
             if let (Some(value), true) = (reference.eval(wi, wo), facets > 1e-4) {
-                value.iter().zip(&mut sum).for_each(|(v, s)| *s += v / facets);
+                value.iter().zip(&mut sum).for_each(|(v, s)| *s += v.max(0.0) / facets);
                 count += 1.0;
             }
         }
@@ -193,7 +193,7 @@ impl Dupuy {
 fn retroreflection(reference: &dyn Brdf) -> Result<Vec<f64>, ModelError> {
     let at = |k| {
         let w = Vec3::from_spherical(node(k), 0.0);
-        reference.eval(w, w).map(luminance)
+        reference.eval(w, w).map(|value| luminance(value.map(|v| v.max(0.0))))
     };
     let measured: Vec<Option<f64>> = (0..NODES - 1).map(at).collect();
     let mut last = measured.iter().flatten().next().copied().ok_or(ModelError::NoRetroreflection)?;

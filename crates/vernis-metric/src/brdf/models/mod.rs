@@ -12,6 +12,7 @@ mod blinn_phong;
 mod cook_torrance;
 mod declare;
 mod dupuy;
+pub(crate) mod foreign;
 mod fresnel;
 mod ggx;
 mod he;
@@ -37,13 +38,14 @@ pub use he::He;
 pub use lafortune::Lafortune;
 pub use lambert::Lambert;
 pub use list::{Built, MODELS, ModelEntry, names, register};
-pub use named::{FieldError, NamedParameters};
+pub use named::{Field, FieldError, NamedParameters};
 pub use rational::{Basis, Rational};
 pub use sgd::Sgd;
 pub use sum::Sum;
 pub use ward::{Ward, WardForm};
 
 use super::Brdf;
+use crate::io::number;
 use crate::math::dual::Scalar;
 use crate::math::{Rgb, Vec3};
 use declare::model;
@@ -71,7 +73,7 @@ pub struct Parameter {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum ModelError {
-    #[error("{model}: {parameter} is {found}; it must be {} to {}", allowed.0, allowed.1)]
+    #[error("{model}: {parameter} is {}; it must be {} to {}", number(*found), number(allowed.0), number(allowed.1))]
     OutOfBounds { model: String, parameter: String, found: f64, allowed: (f64, f64) },
     #[error("{model}: {found} parameters were given; the model has {expected}")]
     Count { model: String, found: usize, expected: usize },
@@ -124,6 +126,10 @@ impl<M: AnalyticBrdf> Brdf for M {
 
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         if wi.z <= 0.0 || wo.z <= 0.0 { Some([0.0; 3]) } else { Some(self.value(wi, wo)) }
+    }
+
+    fn as_model(&self) -> Option<&dyn AnalyticBrdf> {
+        Some(self)
     }
 }
 

@@ -100,3 +100,29 @@ fn field_of(parameter: &Parameter) -> &str {
         _ => name,
     }
 }
+
+/// A parameter, or the three of a colour, as readers name them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Field {
+    /// `alpha`, `kd`; `2.alpha` for that of the second term of a sum.
+    pub name: String,
+    /// `"1"` for a dimensionless number.
+    pub unit: &'static str,
+    /// One number, or one a channel.
+    pub values: Vec<f64>,
+}
+
+impl Field {
+    /// The parameters of a model, in the order of its schema.
+    pub fn all(model: &dyn AnalyticBrdf) -> Vec<Self> {
+        let mut fields: Vec<Self> = Vec::new();
+        for (parameter, value) in model.schema().iter().zip(model.parameters()) {
+            let name = field_of(parameter);
+            match fields.last_mut().filter(|last| last.name == name) {
+                Some(last) => last.values.push(value),
+                None => fields.push(Self { name: name.to_owned(), unit: parameter.unit, values: vec![value] }),
+            }
+        }
+        fields
+    }
+}

@@ -173,7 +173,7 @@ fn sampled(
         }
         let (wi, wo): (Vec<_>, Vec<_>) = cells.iter().map(|&c| directions.get(c)).unzip();
         let mut values = vec![None; cells.len()];
-        source.eval_batch(&wi, &wo, &mut values);
+        source.eval_in_gamut(&wi, &wo, &mut values);
         values
     };
     let near: Vec<usize> = kept.iter().map(|&(i, o, k, _)| cell((i, o, k))).collect();

@@ -210,7 +210,7 @@ fn evaluate_row(
         let start = (i * polar + o) * azimuths;
         let (wi, wo): (Vec<_>, Vec<_>) = (start..start + needed).map(|cell| directions.get(cell)).unzip();
         let mut values = vec![None; needed];
-        brdf.eval_batch(&wi, &wo, &mut values);
+        brdf.eval_in_gamut(&wi, &wo, &mut values);
         let bad = |value: &Option<[f64; 3]>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
         if let Some(k) = values.iter().position(bad) {
             let degrees = |axis, k| grid.angle(axis, k).to_degrees();

@@ -138,7 +138,7 @@ impl Evaluated<'_> {
         let evaluated = if self.brdf.is_mirror_symmetric() { HALF_CIRCLE } else { AZIMUTHS };
         let (wi, wo): (Vec<_>, Vec<_>) = range(i, o).take(evaluated).map(|cell| self.directions.get(cell)).unzip();
         let mut values = vec![None; evaluated];
-        self.brdf.eval_batch(&wi, &wo, &mut values);
+        self.brdf.eval_in_gamut(&wi, &wo, &mut values);
         let bad = |value: &Option<Rgb>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
         match values.iter().position(bad) {
             None => Ok(values),

@@ -112,7 +112,15 @@ fn models_in_json() {
     let model = |alpha| Ggx { kd: [0.2, 0.1, 0.05], f0: [0.04; 3], alpha };
     assert_eq!(read(good, "").expect("valid").eval(n, n), model(0.15).eval(n, n));
     assert_eq!(read(good, "?alpha=.3").expect("valid").eval(n, n), model(0.3).eval(n, n));
+    let twice = good.replace("0.15", "0.15,\"alpha\":0.5");
+    let roughness = good.replace("alpha", "roughness");
     for (text, query, expected) in [
+        (&twice[..], "", "m.json: not a valid model in JSON: the key `alpha` is given twice at line 1 column 80"),
+        (&roughness, "", "m.json: ggx has no parameter `roughness`; alpha = roughness^2 for the roughness of Disney"),
+        (good, "?ior=1.5", "ggx has no parameter `ior`; f0 = ((n - 1) / (n + 1))^2 for an index of refraction n"),
+        (&good.replace("ggx", "disney"), "", "m.json: unknown model `disney`; it is near ggx with kd = baseColor"),
+        (&good.replace("0.15", "1e-300"), "", "ggx: alpha is 1e-300; it must be 0.001 to 1"),
+        ("[1]", "", "m.json: not a valid model in JSON: it must be an object"),
         (&good.replace("alpha", "alfa")[..], "", "m.json: ggx has no parameter `alfa`; did you mean alpha"),
         (&good.replace("ggx", "gxx"), "", "m.json: unknown model `gxx`; did you mean ggx"),
         (&good.replace("\"alpha\":0.15", "\"alpha\":\"x\""), "", "m.json: alpha is \"x\"; it must be one number"),
@@ -142,6 +150,7 @@ fn files_that_are_missing_or_not_what_they_seem() {
         ("a.fit", "# nothing\n", "not a valid file of fits: no line with a material"),
         ("b.fit", "# one\nteflon = Aggregate(", "b.fit:2: column 20 is the end of the line"),
         ("a.bin", "short", "the file has 5 bytes; NPF needs exactly 1572864"),
+        ("b.bin", &"u".repeat(1_990_656), "its 1990656 bytes are those of an anisotropic BRDF of UTIA"),
     ] {
         fs::write(folder.path().join(name), content).expect("writable");
         let text = message(open(&format!("{name}:teflon"), folder.path()));

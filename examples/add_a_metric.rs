@@ -11,12 +11,12 @@ use vernis::brdf::models::Ggx;
 use vernis::math::Vec3;
 use vernis::math::color::luminance;
 use vernis::metric::registry::{Registry, distances};
-use vernis::metric::{Metric, MetricError, PreparedMetric, Properties};
+use vernis::metric::{Metric, MetricError, PreparedMetric, Properties, Side};
 
 /// |ln(Y_candidate + 1e-3) - ln(Y_reference + 1e-3)| with both directions along the normal.
 struct HeadOn;
 
-fn log_luminance(brdf: &dyn Brdf, side: &'static str) -> Result<f64, MetricError> {
+fn log_luminance(brdf: &dyn Brdf, side: Side) -> Result<f64, MetricError> {
     let normal = Vec3::new(0.0, 0.0, 1.0);
     match brdf.eval(normal, normal) {
         Some(value) => Ok((luminance(value) + 1e-3).ln()),
@@ -45,7 +45,7 @@ impl Metric for HeadOn {
     }
 
     fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
-        Ok(Box::new(Prepared(log_luminance(reference, "reference")?)))
+        Ok(Box::new(Prepared(log_luminance(reference, Side::Reference)?)))
     }
 }
 
@@ -54,7 +54,7 @@ struct Prepared(f64);
 
 impl PreparedMetric for Prepared {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        Ok((log_luminance(candidate, "candidate")? - self.0).abs())
+        Ok((log_luminance(candidate, Side::Candidate)? - self.0).abs())
     }
 }
 

@@ -1,7 +1,7 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
 use super::progress::Bar;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, cells, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
@@ -28,8 +28,8 @@ enum Question {
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
 #[derive(Args)]
 #[command(after_help = "\
-Each trained metric becomes a file in OUT/metrics, each fit a file in OUT/fits; an interrupted experiment continues with the
-next one. On two cores, 30 materials take about an hour.
+Each trained metric becomes a file in OUT/metrics, each fit a file in OUT/fits; after an interruption (Ctrl-C, exit code 130;
+SIGTERM, 143) the same command continues with the next one. Files of another study or of other settings are refused. On two cores, 30 materials take about an hour.
 
 Examples:
   vernis experiment losses --data ~/brdf-data --out out/losses
@@ -44,12 +44,15 @@ pub struct LossesArgs {
     /// Number of references to fit, one of each group of sister materials.
     #[arg(long, value_name = "N", default_value_t = 30)]
     materials: usize,
-    /// Cells of an Lp metric per cell of its search, along each axis.
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    grid: usize,
-    /// Grid on which transport and the energy distance compare, THETA_IxTHETA_OxPHI_D.
-    #[arg(long, value_name = "CELLS", default_value = "12x12x48")]
-    graph_grid: String,
+    /// Grid on which transport and the energy distance compare, THETA_IxTHETA_OxPHI_D [default: 12x12x48].
+    #[arg(long, value_name = "GRID")]
+    grid: Option<String>,
+    /// The old spelling of --grid.
+    #[arg(long, hide = true)]
+    graph_grid: Option<String>,
+    /// Cells of an Lp metric per cell of its search, along each axis [default: 5].
+    #[arg(long, value_name = "N")]
+    coarsening: Option<usize>,
     /// Maximum number of evaluations of a search under a learned metric.
     #[arg(long, value_name = "N", default_value_t = 400)]
     max_evaluations: usize,
@@ -82,13 +85,14 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
             return Err(user_error(format!("--{flag} is {found}; it must be {least} or more")));
         }
     }
+    let (grid, coarsening) = cells(args)?;
     Ok(LossesOptions {
         data: shared.data.clone(),
         cache: workspace::cache(shared)?,
         folder: args.out.clone(),
         materials: args.materials,
-        coarsening: args.grid,
-        graph_grid: args.graph_grid.parse().map_err(|e| user_error(format!("--graph-grid: {e}")))?,
+        coarsening,
+        graph_grid: grid.parse().map_err(|e| user_error(format!("--grid: {e}")))?,
         max_evaluations: args.max_evaluations,
         folds: args.folds,
         resamples: args.resamples,
@@ -97,28 +101,47 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
     })
 }
 
+/// Grid of the metrics on graphs, and coarsening of the Lp metrics.
+fn cells(args: &LossesArgs) -> Result<(&str, usize)> {
+    let (grid, coarsening) = cells::read(args.grid.as_deref(), args.coarsening)?;
+    Ok((grid.or(args.graph_grid.as_deref()).unwrap_or("12x12x48"), coarsening.unwrap_or(5)))
+}
+
 fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     let bar = Bar::new();
+    signals::resumable(
+        &bar,
+        format!(
+            "the metrics and fits that are finished are kept in {}; the same command continues from there",
+            args.out.display()
+        ),
+    )?;
     let found = losses(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let Found { record, warnings } = found.map_err(user_error)?;
     workspace::warn(&warnings);
-    let text = report::losses::markdown(&record, &command_line(args, &study));
+    let text = report::losses::markdown(&record, &command_line(args, &study, &options));
     let path = folder.write("report.md", text.as_bytes())?;
     print(format!("{}report: {}\n", report::losses::text(&record), path.display()))
 }
 
 /// What to type for the same bytes: without folders, which do not matter.
-fn command_line(args: &LossesArgs, study: &Study) -> String {
+fn command_line(args: &LossesArgs, study: &Study, options: &LossesOptions) -> String {
     let name = Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy();
     format!(
-        "vernis experiment losses --study {name} --materials {} --grid {} --graph-grid {} --max-evaluations {} --folds {} \
+        "vernis experiment losses --study {name} --materials {} --coarsening {} --grid {} --max-evaluations {} --folds {} \
          --resamples {} --seed {}",
-        args.materials, args.grid, args.graph_grid, args.max_evaluations, args.folds, args.resamples, args.seed
+        args.materials,
+        options.coarsening,
+        options.graph_grid,
+        args.max_evaluations,
+        args.folds,
+        args.resamples,
+        args.seed
     )
 }
 

@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::study_input::StudyInput;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use vernis_metric::descriptor::Setup;
 #[derive(Args)]
 #[command(after_help = "\
 Reads every BRDF once; each worker thread holds one reference and one candidate at a time. The cache keeps finished work:
-an interrupted run continues where it stopped. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
+after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues where it stopped. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
 
 Examples:
   vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole
@@ -61,6 +61,14 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
     let cache = workspace::cache(shared)?;
     let of_shard = Study { pairs: places.iter().map(|&place| study.pairs[place].clone()).collect(), ..study.clone() };
     let bar = Bar::new();
+    let kept = match &cache {
+        Some(_) => format!(
+            "the pairs that are finished are kept in {}; the same command continues from there",
+            workspace::cache_folder(shared).display()
+        ),
+        None => "there is no cache, and the next run begins anew".to_owned(),
+    };
+    signals::resumable(&bar, kept)?;
     let progress = |stage: &str, progress| bar.update(stage, progress);
     let found = train::extract(&of_shard, &setup, shared.data.as_deref(), cache.as_ref(), &progress);
     bar.finish();

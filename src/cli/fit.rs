@@ -1,6 +1,8 @@
 //! `vernis fit`: the parameters of a model from a BRDF, under any metric.
 
+use super::cells::Cells;
 use super::progress::Bar;
+use super::signals::Signals;
 use super::view::View;
 use super::{Shared, plausible, print, user_error, workspace};
 use anyhow::{Result, anyhow};
@@ -9,13 +11,21 @@ use std::path::{Path, PathBuf};
 use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::fit::optimizer::StopReason;
-use vernis_metric::fit::{FitError, FitFile, Fitting, Start};
+use vernis_metric::fit::{AtBound, FitError, FitFile, Fitting, Start};
 
 /// Fit a model to a BRDF.
 #[derive(Args)]
 #[command(after_help = "\
-The result is a model file that every subcommand reads as a BRDF. It is also written when the search ends before it
-converges; the exit code is then 3.
+The result is a model file that every subcommand reads as a BRDF. Its `stop` says how the search ended:
+  converged       steps became small, or a round of them gained next to nothing: half a per cent of the loss for learned
+                  metrics, a millionth for others
+  nothing-moved   no step from the start lowers the loss
+  no-descent      lbfgs: the gradient shows no way down any more
+  flat            no step changes the loss by a millionth: the result means nothing; exit code 3
+  evaluation-limit  the evaluations were spent first; exit code 3
+  interrupted     Ctrl-C or SIGTERM ended it; exit code 130 or 143. A second signal ends the program at once
+  direct          there was nothing to search for
+The file is written in every case, with the best so far.
 
 Examples:
   vernis fit alum-bronze.binary --model ggx --metric D4.Cl --out ggx.json
@@ -28,10 +38,10 @@ pub struct FitArgs {
     reference: String,
     /// A model, or a sum of models such as ggx+ward. dupuy, dupuy-ggx and dupuy-beckmann are computed from the
     /// reference without a search.
-    #[arg(long, short)]
+    #[arg(long)]
     model: String,
     /// The loss: a metric by name, or the path of an exported metric.
-    #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
+    #[arg(long, short = 'm', short_alias = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
     metric: String,
     #[command(flatten)]
     view: View,
@@ -42,10 +52,9 @@ pub struct FitArgs {
     /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients.
     #[arg(long, value_name = "NAME", default_value = "hooke-jeeves")]
     optimizer: String,
-    /// Cells of the metric per cell of the search, along each axis; 1 searches on the metric's own cells.
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    grid: usize,
-    /// Number of starts to search from.
+    #[command(flatten)]
+    cells: Cells,
+    /// Number of starts to search from; the best result is kept. Starts beyond those that the reference suggests are random.
     #[arg(long, value_name = "K", default_value_t = 1)]
     starts: usize,
     /// Seed of the random starts.
@@ -62,7 +71,7 @@ pub struct FitArgs {
     json: bool,
 }
 
-/// The search spent its evaluations; the best result so far was written.
+/// The search spent its evaluations, or the loss is flat; the best result so far was written.
 #[derive(Debug)]
 pub struct NotConverged(String);
 
@@ -75,7 +84,9 @@ impl std::fmt::Display for NotConverged {
 impl std::error::Error for NotConverged {}
 
 pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
-    let metric = workspace::one_metric(&args.metric, &args.view.options())?;
+    let (metric, coarsening) = args.cells.of(workspace::one_metric(&args.metric, &args.view.options())?)?;
+    let bar = Bar::new();
+    let signals = Signals::caught(&bar)?;
     let start = args.start.as_deref().map(|s| start(s, &args.model)).transpose()?;
     let fitting = Fitting {
         model: &args.model,
@@ -84,14 +95,14 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
         method: args.optimizer.parse().map_err(user_error)?,
         starts: args.starts,
         seed: args.seed,
-        coarsening: args.grid,
+        coarsening,
         max_evaluations: args.max_evaluations,
+        interrupt: signals.interrupt(),
     };
     let (folder, name) = output(&args.out)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
     plausible::warn(&args.reference, &*reference.brdf);
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
-    let bar = Bar::new();
     let fitted = fitting.run(&*reference.brdf, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let fitted = fitted.map_err(named)?;
@@ -99,14 +110,24 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
     let text = file.to_json()?;
     folder.write(&name, text.as_bytes())?;
     print(if args.json { text } else { summary(&file, &args.out) })?;
-    if fitted.stop == StopReason::EvaluationLimit {
-        return Err(NotConverged(format!(
-            "{}: {} evaluations did not suffice; the best result so far was written; raise --max-evaluations",
-            args.model, fitted.evaluations
+    let (model, spent, out) = (&args.model, fitted.evaluations, args.out.display());
+    match fitted.stop {
+        StopReason::EvaluationLimit => Err(NotConverged(format!(
+            "{model}: {spent} evaluations did not suffice; the best result so far was written; raise --max-evaluations"
         ))
-        .into());
+        .into()),
+        StopReason::Flat => Err(NotConverged(format!(
+            "{model}: the loss is {} and no step of a parameter changes it by a millionth: the result means nothing, though it \
+             was written; look in {} for values that no reflectance has",
+            number(fitted.value),
+            args.reference
+        ))
+        .into()),
+        StopReason::Interrupted => Err(signals
+            .ended(format!("{model}: interrupted after {spent} evaluations; the best result so far was written to {out}"))
+            .into()),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// The error of a fit as one of the command line: all but a failed write are the user's to mend.
@@ -148,13 +169,13 @@ fn output(path: &Path) -> Result<(OutputFolder, String)> {
 
 fn summary(file: &FitFile, path: &Path) -> String {
     let mut text = format!(
-        "{} of {} under {} {}\n{:.6} at the start, {:.6} at the end ({}, {} evaluations)\n",
+        "{} of {} under {} {}\n{} at the start, {} at the end ({}, {} evaluations)\n",
         file.model,
         file.reference.source,
         file.metric.name,
         file.metric.version,
-        file.value_at_start,
-        file.value,
+        number(file.value_at_start),
+        number(file.value),
         file.stop.name(),
         file.evaluations + file.polish_evaluations,
     );
@@ -169,5 +190,19 @@ fn summary(file: &FitFile, path: &Path) -> String {
             text += &format!("  {field:8} {}\n", numbers.join("  "));
         }
     }
+    if !file.at_bounds.is_empty() {
+        // As many as a line takes; the file has all.
+        const SHOWN: usize = 8;
+        let of = |b: &AtBound| format!("{} {} ({})", b.parameter, b.value, b.bound.name());
+        let shown: Vec<String> = file.at_bounds.iter().take(SHOWN).map(of).collect();
+        let more = file.at_bounds.len().saturating_sub(SHOWN);
+        let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+        text += &format!("on their bounds: {}{more}\n", shown.join(", "));
+    }
     text + &format!("{}\n", path.display())
+}
+
+/// Six decimals, or powers of ten where they would show nothing or too much.
+fn number(x: f64) -> String {
+    if x == 0.0 || (1e-3..1e7).contains(&x.abs()) { format!("{x:.6}") } else { format!("{x:.5e}") }
 }

@@ -51,7 +51,7 @@ pub struct ManifoldArgs {
     #[arg(long, value_enum, default_value = "titopoh")]
     format: Format,
     /// A metric whose distances are reported; may be given several times.
-    #[arg(long, value_name = "NAME|FILE", default_values = ["D9.Cl", "D4.Cl.CR"])]
+    #[arg(long, short = 'm', value_name = "NAME|FILE", default_values = ["D9.Cl", "D4.Cl.CR"])]
     metric: Vec<String>,
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]

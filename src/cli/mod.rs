@@ -1,8 +1,9 @@
 //! The command line: argument definitions, one file per subcommand, progress bars and exit codes.
 //!
 //! Exit codes: 0 success, 1 a fault of vernis or of the machine, 2 a mistake in what the user gave, 3 a fit that did not
-//! converge (its best result so far is written).
+//! converge (its best result so far is written), 130 and 143 a command that SIGINT (Ctrl-C) or SIGTERM ended (`signals.rs`).
 
+mod cells;
 mod compare;
 mod data;
 mod describe;
@@ -19,6 +20,7 @@ mod progress;
 mod refit;
 mod report;
 mod score;
+mod signals;
 mod study;
 #[cfg(feature = "train")]
 mod study_input;
@@ -50,18 +52,20 @@ struct Cli {
 /// Options of every subcommand.
 #[derive(Args, Clone)]
 pub struct Shared {
-    /// Folder with the input data (ratings, measured and fitted BRDFs).
-    #[arg(long, global = true, env = "VERNIS_DATA", value_name = "DIR", value_parser = folder())]
+    /// Folder with the input data (ratings, measured and fitted BRDFs) [default: that of the variable VERNIS_DATA].
+    // Variables are read below: clap would show an option that a variable sets as one that the usage demands.
+    #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     data: Option<PathBuf>,
-    /// Cache folder for computed descriptors [default: $XDG_CACHE_HOME/vernis or ~/.cache/vernis].
-    #[arg(long, global = true, env = "VERNIS_CACHE", value_name = "DIR", value_parser = folder())]
+    /// Cache folder for computed descriptors [default: that of the variable VERNIS_CACHE, else $XDG_CACHE_HOME/vernis or
+    /// ~/.cache/vernis].
+    #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
     /// Number of worker threads [default: one per core]. Does not change results.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
 }
 
-/// Takes an empty path, unlike clap's own: a variable that is set to nothing means that none was given.
+/// Takes an empty path, unlike clap's own: it means that there is none, whatever the variable says.
 fn folder() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().map(PathBuf::from)
 }
@@ -140,17 +144,21 @@ fn print(text: impl std::fmt::Display) -> Result<()> {
 /// Parses the arguments, runs the subcommand, reports what went wrong in one message.
 pub fn run() -> ExitCode {
     let mut cli = Cli::parse();
-    for folder in [&mut cli.shared.data, &mut cli.shared.cache] {
+    for (folder, variable) in [(&mut cli.shared.data, "VERNIS_DATA"), (&mut cli.shared.cache, "VERNIS_CACHE")] {
+        *folder = folder.take().or_else(|| std::env::var_os(variable).map(PathBuf::from));
         folder.take_if(|path| path.as_os_str().is_empty());
     }
     match dispatch(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("vernis: {error:#}");
+            let ended =
+                error.chain().find_map(|cause| cause.downcast_ref::<signals::Ended>()).map(signals::Ended::code);
             let any = |is: fn(&(dyn std::error::Error + 'static)) -> bool| error.chain().any(is);
             ExitCode::from(match () {
                 () if any(|cause| cause.is::<UserError>()) => 2,
                 () if any(|cause| cause.is::<fit::NotConverged>()) => 3,
+                () if ended.is_some() => ended.unwrap_or(1),
                 () => 1,
             })
         }

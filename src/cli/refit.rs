@@ -1,8 +1,9 @@
 //! `vernis refit`: the candidates of a study, made anew from its references.
 
+use super::cells::Cells;
 use super::progress::Bar;
 use super::view::View;
-use super::{Shared, fit, print, user_error, workspace};
+use super::{Shared, fit, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::collections::BTreeMap;
@@ -10,13 +11,14 @@ use std::path::PathBuf;
 use vernis::dataset::Study;
 use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, refit};
 use vernis::report::OutputFolder;
-use vernis_metric::fit::optimizer::StopReason;
 
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]
 #[command(after_help = "\
-Writes one model file per fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Skips fits whose file exists and
-has the same settings. The ratings belong to the published fits: a refitted candidate has none.
+Writes one model file per fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Keeps fits whose file is there and
+has the same reference and settings; after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues.
+Files of another reference or of other settings are refused before the work. The ratings belong to the published fits: a refitted
+candidate has none.
 
 Examples:
   vernis refit --study lavoue2021-open --data DIR --out refits
@@ -29,27 +31,29 @@ pub struct RefitArgs {
     #[arg(long, value_name = "NAME")]
     method: Vec<String>,
     /// The loss, for fits that minimise one.
-    #[arg(long, short = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
+    #[arg(long, short = 'm', short_alias = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
     metric: String,
     #[command(flatten)]
     view: View,
-    /// Cells of the metric per cell of the search, along each axis.
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    grid: usize,
+    #[command(flatten)]
+    cells: Cells,
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
 }
 
 pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
-    let metric = workspace::one_metric(&args.metric, &args.view.options())?;
+    let (metric, coarsening) = args.cells.of(workspace::one_metric(&args.metric, &args.view.options())?)?;
     let methods = methods(&args.method)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
-    let options =
-        RefitOptions { data: shared.data.clone(), folder: args.out.clone(), metric, methods, coarsening: args.grid };
+    signals::resumable(
+        &bar,
+        format!("the fits that are finished are kept in {}; the same command continues from there", args.out.display()),
+    )?;
+    let options = RefitOptions { data: shared.data.clone(), folder: args.out.clone(), metric, methods, coarsening };
     let all = refit(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let all = all.map_err(fit::named)?;
@@ -122,7 +126,7 @@ fn to_markdown(all: &[Refit], metric: &str) -> String {
             0 => "-".to_owned(),
             n => format!("{:.4}", values[(n - 1) * q / 4]),
         };
-        let unfinished = files.iter().filter(|f| f.stop == StopReason::EvaluationLimit).count();
+        let unfinished = files.iter().filter(|f| !f.stop.is_success()).count();
         text += &format!(
             "| {} | {} | {} | {unfinished} | {} | {} | {} | {} |\n",
             refits[0].method,

@@ -1,11 +1,12 @@
 //! `vernis study`: the statistics of a study's ratings.
 
-use super::{Shared, print, user_error};
+use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::opinions::StudyOpinions;
 use vernis::dataset::{DatasetError, synthetic};
+use vernis::panel::contradiction;
 use vernis::panel::screening::Criterion;
 use vernis::panel::{Options, StudyRecord, describe as study_of};
 use vernis::report::{OutputFolder, study};
@@ -92,7 +93,11 @@ fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
     let data = shared.data.as_deref();
     let raw = args.ratings.as_deref().map(StudyOpinions::load_raw).transpose().map_err(user_error)?;
     match (&args.study, raw) {
-        (Some(name), Some(raw)) => Ok(StudyOpinions::load(name, data).map_err(user_error)?.with_raw(raw)),
+        (Some(name), Some(raw)) => {
+            let study = StudyOpinions::load(name, data).map_err(user_error)?;
+            workspace::warn(contradictions(&study, &raw));
+            Ok(study.with_raw(raw))
+        }
         (Some(name), None) => StudyOpinions::load(name, data).map_err(user_error),
         (None, Some(raw)) => Ok(raw),
         (None, None) => match StudyOpinions::load(HUMAN_STUDY, data) {
@@ -105,6 +110,33 @@ fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
             loaded => loaded.map_err(user_error),
         },
     }
+}
+
+/// What the ratings and the study that they are said to be of do not agree on.
+fn contradictions(study: &StudyOpinions, raw: &StudyOpinions) -> Vec<String> {
+    const SHOWN: usize = 5;
+    let Some(checked) = contradiction::check(study, raw) else { return Vec::new() };
+    if checked.common == 0 {
+        let name = &study.name;
+        return vec![format!(
+            "--ratings has no material and method of the study {name}; are they those of another study?"
+        )];
+    }
+    let all = &checked.contradictions;
+    if all.is_empty() {
+        return Vec::new();
+    }
+    let shown: Vec<String> = all.iter().take(SHOWN).map(ToString::to_string).collect();
+    let more = all.len().saturating_sub(SHOWN);
+    let more = if more > 0 { format!("; and {more} more") } else { String::new() };
+    vec![format!(
+        "--ratings contradicts the study {} on {} of {} pairs, by more than {}: {}{more}; the ratings are used",
+        study.name,
+        all.len(),
+        checked.common,
+        contradiction::TOLERANCE,
+        shown.join("; ")
+    )]
 }
 
 fn rejecting(names: &[String]) -> Result<Vec<Criterion>> {

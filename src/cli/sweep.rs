@@ -1,7 +1,7 @@
 //! `vernis sweep`: the study's transport and kernel distances, every combination of their parameters.
 
 use super::progress::Bar;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -15,7 +15,8 @@ use vernis_metric::metric::transport::Accuracy;
 /// Sweep the parameters of the transport and energy distances over a study.
 #[derive(Args)]
 #[command(after_help = "\
-Each finished combination is a file in OUT/combinations; an interrupted sweep continues with the next pair.
+Each finished combination is a file in OUT/combinations; after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same
+command continues with the next pair. Files of another study are refused.
 Combinations that differ only in scaling share work and are computed together.
 Options that select combinations take lists; without them the sweep covers all 992 of transport and 32 of the energy distance.
 The results for gamma 0.25, 0.35 and 0.5 follow from the same divergences.
@@ -159,6 +160,13 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         protocol: SweepProtocol { folds: args.folds, resamples: args.resamples, seed: args.seed },
     };
     let bar = Bar::new();
+    signals::resumable(
+        &bar,
+        format!(
+            "the pairs that are finished are kept in {}; the same command continues from there",
+            options.folder.display()
+        ),
+    )?;
     let found = experiment::sweep::sweep(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let Swept { record, done, warnings } = found.map_err(|error| match error {

@@ -76,6 +76,8 @@ pub enum ExperimentError {
     NoWay { study: String },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
+    #[error("{} is the result of another run: {differences}; choose another folder, or remove the file", path.display())]
+    Kept { path: PathBuf, differences: String },
 }
 
 /// Causes are boxed, so that a result takes little room.

@@ -10,7 +10,8 @@
 //! saw; a candidate made here carries none.** ABC has the one refractive index that the study's stimuli behave as if they
 //! had, and Ward is Duer's form, for the same reason.
 //!
-//! One file a fit, so that an interrupted run goes on where it stopped.
+//! One file a fit, so that an interrupted run goes on where it stopped. A file of another reference or of other settings is
+//! somebody's result: it is refused, never replaced. One of another version is computed again, with a warning.
 
 use crate::dataset::Study;
 use rayon::prelude::*;
@@ -19,7 +20,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::{BrdfError, BrdfSource};
-use vernis_metric::fit::{FitError, FitFile, Fitting, KeptFit};
+use vernis_metric::fit::optimizer::StopReason;
+use vernis_metric::fit::{Difference, FitError, FitFile, Fitting, KeptFit};
 use vernis_metric::io::{Observer, Progress, write_atomically};
 use vernis_metric::metric::Metric;
 
@@ -93,10 +95,16 @@ pub struct RefitOptions {
 /// All methods for every reference of `study`, sorted by material, then method; the same whatever the number of threads.
 ///
 /// # Errors
-/// A reference that cannot be opened, a file that cannot be written, a loss that fails. Fits that do not exist are no error.
+/// A kept file that belongs to another run ([`FitError::Kept`]), found before the first fit but for its reference's content; a
+/// reference that cannot be opened, a file that cannot be written, a loss that fails. Fits that do not exist are no error.
 pub fn refit(study: &Study, options: &RefitOptions, progress: Observer<'_>) -> Result<Vec<Refit>, FitError> {
     let references: BTreeMap<&str, &BrdfSource> =
         study.pairs.iter().map(|p| (p.material.as_str(), &p.reference)).collect();
+    for material in references.keys() {
+        for &(method, model) in &options.methods {
+            options.kept(material, method, model, None)?;
+        }
+    }
     let (done, total) = (AtomicUsize::new(0), references.len() * options.methods.len());
     let of_material = |(material, source): (&&str, &&BrdfSource)| {
         let mut all = Vec::with_capacity(options.methods.len());
@@ -111,6 +119,37 @@ pub fn refit(study: &Study, options: &RefitOptions, progress: Observer<'_>) -> R
 }
 
 impl RefitOptions {
+    fn fitting(&self, model: &'static str) -> Fitting<'_> {
+        Fitting { coarsening: self.coarsening, ..Fitting::new(model, &*self.metric) }
+    }
+
+    /// What an earlier run has left, and why a file that is there is not taken. `sha256` is that of the reference, where it is known.
+    fn kept(
+        &self,
+        material: &str,
+        method: &str,
+        model: &'static str,
+        sha256: Option<&str>,
+    ) -> Result<(Option<Box<FitFile>>, Option<String>), FitError> {
+        let path = self.folder.join(file_of(material, method));
+        let again = |reason: String| Ok((None, Some(format!("{}: {reason}; the fit is made again", path.display()))));
+        let kept = match FitFile::read(&path) {
+            KeptFit::Whole(kept) => kept,
+            KeptFit::Absent => return Ok((None, None)),
+            KeptFit::Refused(reason) => return again(reason),
+        };
+        let differences = kept.differences(&self.fitting(model), sha256.unwrap_or(&kept.reference.sha256));
+        let (versions, others): (Vec<_>, Vec<_>) = differences.into_iter().partition(Difference::is_version);
+        if !others.is_empty() {
+            return Err(FitError::Kept { path: path.display().to_string(), differences: others });
+        }
+        match versions.first() {
+            Some(version) => again(version.to_string()),
+            None if kept.stop == StopReason::Interrupted => Ok((None, None)),
+            None => Ok((Some(kept), None)),
+        }
+    }
+
     fn one(
         &self,
         material: &str,
@@ -118,17 +157,12 @@ impl RefitOptions {
         method: &'static str,
         model: &'static str,
     ) -> Result<Refit, FitError> {
-        let fitting = Fitting { coarsening: self.coarsening, ..Fitting::new(model, &*self.metric) };
-        let file = format!("{}.{method}.json", file_name(material));
+        let (fitting, file) = (self.fitting(model), file_of(material, method));
         let opened = |e: BrdfError| FitError::Reference { material: material.to_owned(), cause: Box::new(e) };
         let reference = source.open(self.data.as_deref()).map_err(opened)?;
         let sha256 = reference.content.to_string();
         let path = self.folder.join(&file);
-        let (kept, warning) = match FitFile::read(&path) {
-            KeptFit::Whole(kept) => (Some(kept).filter(|f| f.is_result_of(&fitting, &sha256)), None),
-            KeptFit::Absent => (None, None),
-            KeptFit::Refused(reason) => (None, Some(format!("{}: {reason}; the fit is made again", path.display()))),
-        };
+        let (kept, warning) = self.kept(material, method, model, Some(&sha256))?;
         let outcome = match kept {
             Some(kept) => Outcome::Kept(kept),
             None => match fitting.run(&*reference.brdf, &|_, _| ()) {
@@ -144,6 +178,11 @@ impl RefitOptions {
         };
         Ok(Refit { material: material.to_owned(), method, model, file, outcome, warning })
     }
+}
+
+/// Name of the file of a fit.
+fn file_of(material: &str, method: &str) -> String {
+    format!("{}.{method}.json", file_name(material))
 }
 
 /// A name for files that no two materials share: all but letters, digits, `-`, `_` and `.` as their code points.

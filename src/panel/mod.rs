@@ -8,6 +8,7 @@ mod analysis;
 pub mod anova;
 pub mod box_plot;
 mod comparison;
+pub mod contradiction;
 pub mod distribution;
 mod error;
 pub mod intraclass;

@@ -60,18 +60,22 @@ impl<'a> Kept<'a> {
 }
 
 fn train(study: &Study, kept: &Kept<'_>) -> UnseenMetrics {
+    trained(study, kept, 1).expect("metrics")
+}
+
+fn trained(study: &Study, kept: &Kept<'_>, seed: u64) -> Result<UnseenMetrics, ExperimentError> {
     let training = UnseenTraining {
         study,
         base: None,
         cache: None,
         trainer: &KernelRidge::nystroem(8),
         folds: 2,
-        seed: 1,
+        seed,
         folder: kept.folder,
         write: &|name, text| kept.write(name, text),
         progress: &|_, _| (),
     };
-    training.run().expect("metrics")
+    training.run()
 }
 
 fn settings() -> Settings {
@@ -115,10 +119,10 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
 
     let settings = settings();
     let probes = [Probe { name: "lamps".to_owned(), setup: Setup::standard() }];
-    let run = |unseen: &UnseenMetrics, only_kept: bool| -> Vec<Vec<FitRecord>> {
+    let try_run = |unseen: &UnseenMetrics, settings: &Settings, only_kept: bool| {
         let experiment = Experiment {
             study: &study,
-            settings: &settings,
+            settings,
             unseen,
             probes: &probes,
             base: None,
@@ -127,7 +131,10 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
             progress: &|_| (),
             warn: &|warning| panic!("{warning}"),
         };
-        experiment.run(two, only_kept).expect("fits")
+        experiment.run(two, only_kept)
+    };
+    let run = |unseen: &UnseenMetrics, only_kept: bool| -> Vec<Vec<FitRecord>> {
+        try_run(unseen, &settings, only_kept).expect("fits")
     };
     assert!(run(&unseen, true).is_empty(), "nothing is finished");
     let first = run(&unseen, false);
@@ -138,6 +145,18 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     assert_eq!(run(&unseen, true).len(), 1, "of two materials one is finished");
     assert_eq!(run(&unseen, false), first);
     assert_eq!(kept.take(), BTreeSet::from([lost]));
+    // Fits and metrics of other settings are refused with what differs, and left alone.
+    let other = Settings { seed: 2, coarsening: 9, ..settings.clone() };
+    let error = try_run(&unseen, &other, true).expect_err("of another run").to_string();
+    assert!(
+        error.contains(
+            "is the result of another run: coarsening is 12 there and 9 here, seed is 1 there and 2 here; choose"
+        ),
+        "{error}"
+    );
+    let error = trained(&study, &kept, 2).err().expect("of another run").to_string();
+    assert!(error.contains(".vernis.json is the result of another run: seed is 1 there and 2 here"), "{error}");
+    assert!(kept.take().is_empty());
     for record in first.iter().flatten() {
         let judges: Vec<&str> = record.judged.keys().map(String::as_str).collect();
         assert_eq!(judges, ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl", "energy", "lamps.log", "lamps.screen", "mos", "ot"]);

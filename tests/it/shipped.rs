@@ -10,14 +10,14 @@ use vernis::brdf::models::{Ggx, Lambert};
 use vernis::dataset::Study;
 use vernis::descriptor::BrdfFeatures;
 use vernis::math::correlation::spearman;
-use vernis::metric::Metric;
 use vernis::metric::learned::LearnedMetric;
+use vernis::metric::{Metric, Side};
 
 static METRIC: LazyLock<LearnedMetric> = LazyLock::new(|| LearnedMetric::shipped().unwrap());
 
 fn features(notation: &str, data: &Path) -> BrdfFeatures {
     let open = BrdfSource::parse(notation).unwrap().open(Some(data)).unwrap();
-    METRIC.features(open.brdf.as_ref(), "reference").unwrap()
+    METRIC.features(open.brdf.as_ref(), Side::Reference).unwrap()
 }
 
 #[test]

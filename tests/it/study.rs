@@ -231,6 +231,41 @@ fn run(folder: &Path, args: &[&str]) -> Output {
     command.output().expect("the program starts")
 }
 
+/// Ratings that are said to be of a study and say something else are named, with their materials and methods.
+#[test]
+fn ratings_that_contradict_their_study_are_named() {
+    let place = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(place.path().join(name), text).expect("writable");
+    let pairs = |mos: [f64; 2]| {
+        let [ggx, ward] = mos;
+        write(
+            "pairs.csv",
+            &format!(
+                "reference,candidate,material,method,mos\na.binary,b.binary,chalk,GGX,{ggx}\na.binary,c.binary,chalk,WARD,{ward}\n\
+                 d.binary,e.binary,slate,GGX,{ggx}\nd.binary,f.binary,slate,WARD,{ward}\n"
+            ),
+        );
+    };
+    let mut rows = "participant,material,method,score\n".to_owned();
+    for (participant, offset) in [("p", 0), ("q", 1), ("r", 2)] {
+        for material in ["chalk", "slate"] {
+            rows +=
+                &format!("{participant},{material},GGX,{}\n{participant},{material},WARD,{}\n", 1 + offset, 3 + offset);
+        }
+    }
+    write("raw.csv", &rows);
+    let said = || {
+        let output = run(place.path(), &["--study", "pairs.csv", "--ratings", "raw.csv", "--reject", "none"]);
+        String::from_utf8(output.stderr).expect("UTF-8")
+    };
+    pairs([2.0, 4.1]);
+    assert!(!said().contains("contradicts"), "{}", said());
+    pairs([2.0, 2.5]);
+    assert!(said().contains("--ratings contradicts the study pairs on 2 of 4 pairs, by more than 0.25: chalk, WARD: 4.00 is the mean of 3"), "{}", said());
+    write("raw.csv", &rows.replace("chalk", "basalt").replace("slate", "quartz"));
+    assert!(said().contains("--ratings has no material and method of the study pairs"), "{}", said());
+}
+
 /// Two materials of two types, two methods and hidden references, three participants, two illuminations.
 fn ratings() -> String {
     let mut text = "who,BRDF,type,model,light,answer,time,control,note\n".to_owned();

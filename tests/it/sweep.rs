@@ -205,6 +205,32 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
     assert!(read("killed") == read("whole"));
 }
 
+/// Files of another study in the folder are refused, and left alone.
+#[test]
+fn a_sweep_of_another_study_is_not_mixed_in() {
+    use vernis::experiment::sweep::{SweepOptions, sweep};
+    let place = tempfile::tempdir().unwrap();
+    let study = Study { pairs: synthetic_pairs(), ..Study::load(synthetic::NAME, None).unwrap() };
+    let other = Study { pairs: study.pairs[..study.pairs.len() - 1].to_vec(), ..study.clone() };
+    let energy = |c: &&Combination| c.family() == Family::Energy;
+    let options = SweepOptions {
+        data: None,
+        folder: place.path().join("combinations"),
+        combinations: Combination::of_study().iter().filter(energy).take(1).copied().collect(),
+        grid: "3x3x8".parse().unwrap(),
+        accuracy: "coarse".to_owned(),
+        memory: usize::MAX,
+        compute: true,
+        protocol: SweepProtocol { folds: 4, resamples: 60, seed: 1 },
+    };
+    sweep(&study, &options, &|_, _| ()).unwrap();
+    let before = files_of(&options.folder, ".json");
+    let error = sweep(&other, &options, &|_, _| ()).unwrap_err().to_string();
+    assert!(error.contains(".json is the result of another run: the SHA-256 of the study is "), "{error}");
+    assert_eq!((files_of(&options.folder, ".json"), before.len()), (before.clone(), 1));
+    assert!(sweep(&study, &options, &|_, _| ()).unwrap().warnings.is_empty());
+}
+
 #[test]
 fn wrong_settings_of_a_sweep_are_named() {
     let place = tempfile::tempdir().unwrap();

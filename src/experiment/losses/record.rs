@@ -6,7 +6,6 @@ use super::run::{FitRecord, Settings};
 use crate::dataset::Study;
 use crate::experiment::ExperimentError;
 use std::collections::BTreeMap;
-use vernis_metric::fit::optimizer::StopReason;
 
 /// Losses that others are compared with: the study's, and the simplest that knows of relative differences.
 const BASELINES: [Loss; 2] = [Loss::Square, Loss::Logarithm];
@@ -18,7 +17,7 @@ pub struct Searches {
     pub loss: Loss,
     /// Number of fits under the loss.
     pub fits: usize,
-    /// Those that spent their evaluations.
+    /// Those that did not converge.
     pub unfinished: usize,
     /// The median of evaluations, starts included.
     pub evaluations: usize,
@@ -104,7 +103,7 @@ fn searches(loss: Loss, records: &[Vec<FitRecord>]) -> Searches {
     Searches {
         loss,
         fits: evaluations.len(),
-        unfinished: fits().filter(|f| f.stop == StopReason::EvaluationLimit).count(),
+        unfinished: fits().filter(|f| !f.stop.is_success()).count(),
         evaluations: evaluations.get(evaluations.len() / 2).copied().unwrap_or(0),
     }
 }

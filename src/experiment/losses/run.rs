@@ -20,10 +20,10 @@ use vernis_metric::io::{Progress, seal, unseal};
 use vernis_metric::math::seed;
 use vernis_metric::metric::lp::{self, LpDistances, LpReference};
 use vernis_metric::metric::registry::Registry;
-use vernis_metric::metric::{Metric, MetricError, PreparedMetric};
+use vernis_metric::metric::{Metric, MetricError, PreparedMetric, Side};
 
 /// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Lp distances that judge.
 const LP: [&str; 4] = ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl"];
 /// What is taken of the pictures under a probe: the ending of the judge's name, and the descriptor.
@@ -65,6 +65,9 @@ pub struct FitRecord {
     pub version: u32,
     /// A hash of the settings, the study and the probes.
     pub settings: String,
+    /// What the hash is of, by name: it tells in what a file of another run differs. Empty in files of versions 1 and 2.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub origin: BTreeMap<String, String>,
     /// Name of the reference's material.
     pub material: String,
     /// The loss that was minimised.
@@ -117,7 +120,8 @@ impl Experiment<'_> {
     /// All fits of `materials`, in order. With `only_kept`, those that an earlier run has left, of materials that it finished.
     ///
     /// # Errors
-    /// A reference that cannot be opened, a fit or a judge that fails, a file that cannot be written.
+    /// A file of another study or of other settings ([`ExperimentError::Kept`]), found before the first fit; a reference that cannot
+    /// be opened, a fit or a judge that fails, a file that cannot be written.
     pub fn run(
         &self,
         materials: &[(String, BrdfSource)],
@@ -126,20 +130,33 @@ impl Experiment<'_> {
         let registry = Registry::standard().map_err(|source| self.metric_error("the registry", source))?;
         let graph = |name: &str| registry.get(name).map_err(|source| self.metric_error(name, source));
         let graphs = [graph(&self.settings.transport)?, graph(&self.settings.energy)?];
-        let fingerprint = self.fingerprint(&graphs)?;
+        let origin = self.origin(&graphs);
+        let fingerprint = fingerprint(&origin)?;
         let total = materials.len() * self.settings.models.len() * self.settings.losses.len();
         let done = AtomicUsize::new(0);
         let count = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
-        let of_material = |(material, source): &(String, BrdfSource)| {
-            let job =
-                Job { experiment: self, registry: &registry, graphs: &graphs, fingerprint: &fingerprint, material };
-            let kept = job.kept();
+        let any = Job {
+            experiment: self,
+            registry: &registry,
+            graphs: &graphs,
+            origin: &origin,
+            fingerprint: &fingerprint,
+            material: "",
+        };
+        let kept =
+            materials.iter().map(|(material, _)| Job { material, ..any }.kept()).collect::<Result<Vec<_>, _>>()?;
+        let of_material = |((material, source), kept): (&(String, BrdfSource), Vec<Option<FitRecord>>)| {
+            let job = Job { material, ..any };
             match kept.iter().all(Option::is_some) || only_kept {
                 true => Ok(kept.into_iter().collect()),
                 false => job.run(source, kept, &count).map(Some),
             }
         };
-        let all = materials.par_iter().map(of_material).collect::<Result<Vec<Option<Vec<_>>>, ExperimentError>>()?;
+        let all = materials
+            .par_iter()
+            .zip(kept)
+            .map(of_material)
+            .collect::<Result<Vec<Option<Vec<_>>>, ExperimentError>>()?;
         Ok(all.into_iter().flatten().collect())
     }
 
@@ -147,23 +164,46 @@ impl Experiment<'_> {
         ExperimentError::MetricNamed { name: name.to_owned(), source: Box::new(source) }
     }
 
-    fn fingerprint(&self, metrics: &[Arc<dyn Metric>]) -> Result<String, ExperimentError> {
-        let settings =
-            serde_json::to_string(self.settings).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
-        let study = crate::experiment::sweep::fingerprint(self.study);
+    /// What the fits belong to: what is asked for, and, as `version of ...`, what computes it.
+    fn origin(&self, metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
+        let Settings { models, losses, coarsening, max_evaluations, transport, energy, seed, folds } = self.settings;
         let probes: Vec<String> = self.probes.iter().map(|p| format!("{} {}", p.name, p.setup.id())).collect();
-        let identities: Vec<String> = metrics.iter().map(|metric| metric.identity()).collect();
-        let text = format!("{settings} {study} {probes:?} lp {} {identities:?} fits {FIT_VERSION}", lp::VERSION);
-        Ok(ContentHash::of(text.as_bytes()).to_string())
+        let parts = [
+            ("study", crate::experiment::sweep::fingerprint(self.study)),
+            ("models", models.join(" ")),
+            ("losses", losses.iter().map(|loss| loss.name()).collect::<Vec<_>>().join(" ")),
+            ("coarsening", coarsening.to_string()),
+            ("max-evaluations", max_evaluations.to_string()),
+            ("transport", transport.clone()),
+            ("energy", energy.clone()),
+            ("seed", seed.to_string()),
+            ("folds", folds.to_string()),
+            ("light probes", probes.join(" ")),
+        ];
+        let versions = metrics.iter().map(|metric| (metric.name(), metric.version()));
+        let versions = versions.chain([("the Lp distances", lp::VERSION), ("fits", FIT_VERSION)]);
+        let versions = versions.map(|(name, version)| (format!("{VERSION_OF}{name}"), version.to_owned()));
+        parts.into_iter().map(|(what, value)| (what.to_owned(), value)).chain(versions).collect()
     }
 }
 
+/// How the names of versions begin.
+const VERSION_OF: &str = "version of ";
+
+fn fingerprint(origin: &BTreeMap<String, String>) -> Result<String, ExperimentError> {
+    let text = serde_json::to_string(origin).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
+    Ok(ContentHash::of(text.as_bytes()).to_string())
+}
+
 /// The fits of one material.
+#[derive(Clone, Copy)]
 struct Job<'a> {
     experiment: &'a Experiment<'a>,
     registry: &'a Registry,
     /// Transport, energy.
     graphs: &'a [Arc<dyn Metric>; 2],
+    origin: &'a BTreeMap<String, String>,
+    /// Of `origin`.
     fingerprint: &'a str,
     material: &'a str,
 }
@@ -178,22 +218,44 @@ impl Job<'_> {
         format!("{}.{model}.{}.json", file_name(self.material), loss.name())
     }
 
-    fn kept(&self) -> Vec<Option<FitRecord>> {
-        let read = |(model, loss): (&str, Loss)| {
-            let path = self.experiment.folder.join(self.file(model, loss));
-            let bytes = std::fs::read(&path).ok()?;
-            let record: FitRecord = match unseal(&bytes) {
-                Ok(record) => record,
-                Err(e) => {
-                    (self.experiment.warn)(&format!("{}: {e}; the fit is made again", path.display()));
-                    return None;
-                }
-            };
-            let same = (record.version, record.settings.as_str()) == (VERSION, self.fingerprint)
-                && (record.material.as_str(), record.fit.model.as_str(), record.loss) == (self.material, model, loss);
-            same.then_some(record)
+    fn kept(&self) -> Result<Vec<Option<FitRecord>>, ExperimentError> {
+        self.items().map(|(model, loss)| self.kept_fit(model, loss)).collect()
+    }
+
+    fn kept_fit(&self, model: &str, loss: Loss) -> Result<Option<FitRecord>, ExperimentError> {
+        let path = self.experiment.folder.join(self.file(model, loss));
+        let Ok(bytes) = std::fs::read(&path) else { return Ok(None) };
+        let again = |reason: &dyn std::fmt::Display| {
+            (self.experiment.warn)(&format!("{}: {reason}; the fit is made again", path.display()));
+            Ok(None)
         };
-        self.items().map(read).collect()
+        let record: FitRecord = match unseal(&bytes) {
+            Ok(record) => record,
+            Err(e) => return again(&e),
+        };
+        let named = (record.material.as_str(), record.fit.model.as_str(), record.loss) == (self.material, model, loss);
+        if record.version < VERSION {
+            return again(&format!("version of the experiment is {} there and {VERSION} here", record.version));
+        }
+        let differs = |(what, asked): (&String, &String)| {
+            let found = record.origin.get(what).map_or("missing", String::as_str);
+            (found != asked)
+                .then(|| (what.starts_with(VERSION_OF), format!("{what} is {found} there and {asked} here")))
+        };
+        let (versions, mut others): (Vec<_>, Vec<_>) =
+            self.origin.iter().filter_map(differs).partition(|(is_version, _)| *is_version);
+        if !named {
+            others.push((false, format!("it is a fit of {} to {}", record.fit.model, record.material)));
+        }
+        if !others.is_empty() {
+            let differences = others.into_iter().map(|(_, text)| text).collect::<Vec<_>>().join(", ");
+            return Err(ExperimentError::Kept { path, differences });
+        }
+        match versions.first() {
+            Some((_, text)) => again(text),
+            None if record.settings != self.fingerprint => again(&"its settings do not match their hash"),
+            None => Ok(Some(record)),
+        }
     }
 
     fn run(
@@ -251,6 +313,7 @@ impl Job<'_> {
         let record = FitRecord {
             version: VERSION,
             settings: self.fingerprint.to_owned(),
+            origin: self.origin.clone(),
             material: self.material.to_owned(),
             loss,
             fit: FitFile::new(&fitting, &fitted, &reference.notation, &reference.content.to_string()),
@@ -285,10 +348,10 @@ impl<'a> Judges<'a> {
         Ok(Self {
             lp: LpReference::new(reference)?,
             graphs: [graphs[0].prepare(reference)?, graphs[1].prepare(reference)?],
-            opinion: (unseen, unseen.judge.features(reference, "reference")?),
+            opinion: (unseen, unseen.judge.features(reference, Side::Reference)?),
             probes: probes
                 .iter()
-                .map(|probe| Ok((probe, features(reference, &probe.setup, "reference")?)))
+                .map(|probe| Ok((probe, features(reference, &probe.setup, Side::Reference)?)))
                 .collect::<Result<_, MetricError>>()?,
         })
     }
@@ -306,12 +369,12 @@ impl<'a> Judges<'a> {
             judged.insert(name.to_owned(), graph.distance(candidate)?);
         }
         let (unseen, reference) = &self.opinion;
-        let score = unseen.judge.score(reference, &unseen.judge.features(candidate, "candidate")?)?;
+        let score = unseen.judge.score(reference, &unseen.judge.features(candidate, Side::Candidate)?)?;
         judged.insert(OPINION.to_owned(), score.mos);
         let set = DescriptorSet::new(vec![Family::Lights, Family::Display]);
         let columns = set.columns();
         for (probe, reference) in &self.probes {
-            let candidate = features(candidate, &probe.setup, "candidate")?;
+            let candidate = features(candidate, &probe.setup, Side::Candidate)?;
             let values = set.compare(reference, &candidate, &probe.setup);
             for (ending, descriptor) in PICTURES {
                 let found = columns.iter().zip(&values).filter(|(column, _)| column.name == descriptor);
@@ -322,7 +385,7 @@ impl<'a> Judges<'a> {
     }
 }
 
-fn features(brdf: &dyn Brdf, setup: &Setup, side: &'static str) -> Result<BrdfFeatures, MetricError> {
+fn features(brdf: &dyn Brdf, setup: &Setup, side: Side) -> Result<BrdfFeatures, MetricError> {
     BrdfFeatures::compute(brdf, setup)
         .map_err(|e: DescriptorError| MetricError::Unusable { side, reason: e.to_string() })
 }

@@ -50,6 +50,26 @@ impl UnseenMetrics {
     }
 }
 
+/// One metric that is asked for.
+struct Asked {
+    name: String,
+    seed: u64,
+    provenance: Provenance,
+    descriptors: Descriptors,
+}
+
+impl Asked {
+    fn file(&self) -> String {
+        format!("{}.vernis.json", self.name)
+    }
+}
+
+/// The files of a metric's study, as one text.
+fn data(provenance: &Provenance) -> String {
+    let texts: Vec<String> = provenance.data.iter().map(|d| format!("{} {}", d.name, d.sha256)).collect();
+    texts.join(" ")
+}
+
 /// How to train them.
 pub struct UnseenTraining<'a> {
     /// The study whose ratings are learned from.
@@ -76,7 +96,8 @@ impl UnseenTraining<'_> {
     /// Trains what the folder does not hold; the same bytes whatever the number of threads.
     ///
     /// # Errors
-    /// Descriptors that cannot be computed, folds that cannot be made, a training that fails, a file that cannot be written.
+    /// A metric in the folder that belongs to another study, seed or fold ([`ExperimentError::Kept`]), found before the first
+    /// training; descriptors that cannot be computed, folds that cannot be made, a training that fails, a file that cannot be written.
     pub fn run(&self) -> Result<UnseenMetrics, ExperimentError> {
         let setup = Setup::standard();
         let set = DescriptorSet::extended();
@@ -87,13 +108,21 @@ impl UnseenTraining<'_> {
             fold_of.extend(fold.held_out.rows().iter().map(|row| (row.material.clone(), index)));
         }
         let (done, total) = (AtomicUsize::new(0), 2 * folds.len());
-        let metric = |(index, judge): (usize, bool)| {
-            let metric = self.metric(index, &folds[index], judge, &set, &setup)?;
+        let jobs: Vec<(usize, bool)> = (0..folds.len()).flat_map(|index| [(index, false), (index, true)]).collect();
+        let find = |&(index, judge): &(usize, bool)| {
+            let asked = self.asked(index, &folds[index], judge, &set, &setup);
+            Ok((index, self.kept(&asked)?, asked))
+        };
+        let found = jobs.iter().map(find).collect::<Result<Vec<_>, ExperimentError>>()?;
+        let metric = |(index, kept, asked): (usize, Option<LearnedMetric>, Asked)| {
+            let metric = match kept {
+                Some(kept) => kept,
+                None => self.metric(index, &folds[index], asked, &setup)?,
+            };
             (self.progress)("training", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
             Ok(metric)
         };
-        let jobs: Vec<(usize, bool)> = (0..folds.len()).flat_map(|index| [(index, false), (index, true)]).collect();
-        let trained = jobs.into_par_iter().map(metric).collect::<Result<Vec<_>, ExperimentError>>()?;
+        let trained = found.into_par_iter().map(metric).collect::<Result<Vec<_>, ExperimentError>>()?;
         let mut trained = trained.into_iter();
         let pairs = std::iter::from_fn(|| Some(Unseen { loss: trained.next()?, judge: trained.next()? }));
         Ok(UnseenMetrics { fold_of, folds: pairs.collect() })
@@ -105,29 +134,51 @@ impl UnseenTraining<'_> {
         Ok(extractor.extract(self.study)?.samples)
     }
 
+    fn asked(&self, index: usize, fold: &Fold, judge: bool, set: &DescriptorSet, setup: &Setup) -> Asked {
+        let role = if judge { "judge" } else { "loss" };
+        let name = format!("{}-fold{index}-{role}", self.trainer.name());
+        let seed = if judge { self.seed.wrapping_add(JUDGE_SEED) } else { self.seed };
+        let provenance = self.provenance(fold, seed);
+        let descriptors = Descriptors { setup: setup.id().to_owned(), set: set.clone() };
+        Asked { name, seed, provenance, descriptors }
+    }
+
+    /// What an earlier run has left. A file that cannot be read, or of another version of the recipe, of the descriptors or of the
+    /// program, is made again.
+    fn kept(&self, asked: &Asked) -> Result<Option<LearnedMetric>, ExperimentError> {
+        let path = self.folder.join(asked.file());
+        let Ok(kept) = LearnedMetric::load(&path) else { return Ok(None) };
+        let (found, wanted) = (&kept.exported().provenance, &asked.provenance);
+        let parts = [
+            ("name", kept.exported().name.clone(), asked.name.clone()),
+            ("study", found.study.clone(), wanted.study.clone()),
+            ("seed", found.seed.to_string(), wanted.seed.to_string()),
+            ("rows", found.rows.to_string(), wanted.rows.to_string()),
+            ("materials", found.materials.to_string(), wanted.materials.to_string()),
+            ("trained", found.command.clone(), wanted.command.clone()),
+            ("data", data(found), data(wanted)),
+        ];
+        let differing = parts.into_iter().filter(|(_, found, asked)| found != asked);
+        let texts: Vec<_> =
+            differing.map(|(what, found, asked)| format!("{what} is {found} there and {asked} here")).collect();
+        if !texts.is_empty() {
+            return Err(ExperimentError::Kept { path, differences: texts.join(", ") });
+        }
+        let exported = kept.exported();
+        let same = exported.metric_version == METRIC_VERSION
+            && exported.descriptors == asked.descriptors
+            && exported.provenance == asked.provenance;
+        Ok(same.then_some(kept))
+    }
+
     fn metric(
         &self,
         index: usize,
         fold: &Fold,
-        judge: bool,
-        set: &DescriptorSet,
+        asked: Asked,
         setup: &Arc<Setup>,
     ) -> Result<LearnedMetric, ExperimentError> {
-        let role = if judge { "judge" } else { "loss" };
-        let name = format!("{}-fold{index}-{role}", self.trainer.name());
-        let file = format!("{name}.vernis.json");
-        let seed = if judge { self.seed.wrapping_add(JUDGE_SEED) } else { self.seed };
-        let provenance = self.provenance(fold, seed);
-        let descriptors = Descriptors { setup: setup.id().to_owned(), set: set.clone() };
-        // An older version of the recipe or of the descriptors loads as well, but is not what is asked for.
-        if let Ok(kept) = LearnedMetric::load(&self.folder.join(&file))
-            && kept.exported().name == name
-            && kept.exported().metric_version == METRIC_VERSION
-            && kept.exported().descriptors == descriptors
-            && kept.exported().provenance == provenance
-        {
-            return Ok(kept);
-        }
+        let (file, Asked { name, seed, provenance, descriptors }) = (asked.file(), asked);
         let failed = |source: TrainError| {
             let training_rows = fold.training.rows().len();
             EvaluationError::Training { metric: name.clone(), fold: index, training_rows, source: Box::new(source) }

@@ -9,7 +9,7 @@ use crate::experiment::ExperimentError;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use vernis_metric::io::{Observer, Progress, seal, write_atomically};
+use vernis_metric::io::{Observer, Progress, seal, unseal, write_atomically};
 use vernis_metric::metric::graph::GraphGrid;
 
 /// What is swept, and how.
@@ -40,14 +40,14 @@ pub struct Swept {
     pub record: SweepRecord,
     /// Combinations that are done.
     pub done: usize,
-    /// Kept files and lines that were damaged or changed, and were computed again.
+    /// Kept files and lines that were damaged, changed or of another version, and were computed again.
     pub warnings: Vec<String>,
 }
 
 /// Computes the combinations that are not kept yet, and judges all.
 ///
 /// # Errors
-/// BRDFs that cannot be read or compared, files that cannot be written, ratings that cannot be judged;
+/// Files that are the results of another study ([`ExperimentError::Kept`]); BRDFs that cannot be read or compared, files that cannot be written, ratings that cannot be judged;
 /// [`ExperimentError::NothingKept`] where nothing is kept and nothing shall be computed.
 pub fn sweep(study: &Study, options: &SweepOptions, progress: Observer<'_>) -> Result<Swept, ExperimentError> {
     study.validate(options.protocol.folds)?;
@@ -78,13 +78,27 @@ impl Job<'_> {
     }
 
     /// What an earlier run has left of a combination.
-    fn kept(&self, combination: &Combination, warnings: &mut Vec<String>) -> Option<Outcome> {
+    fn kept(&self, combination: &Combination, warnings: &mut Vec<String>) -> Result<Option<Outcome>, ExperimentError> {
         let path = self.path(combination, "json");
-        let bytes = fs::read(&path).ok()?;
+        let Ok(bytes) = fs::read(&path) else { return Ok(None) };
+        let mut again = |reason: String| {
+            warnings.push(format!("{}: {reason}; the combination is computed again", path.display()));
+            Ok(None)
+        };
         let found = CombinationRecord::outcome_of(&bytes, combination, self.setting, self.study.pairs.len());
-        found.unwrap_or_else(|e| {
-            warnings.push(format!("{}: {e}; the combination is computed again", path.display()));
-            None
+        match found {
+            Ok(Some(outcome)) => return Ok(Some(outcome)),
+            Ok(None) => {}
+            Err(e) => return again(e.to_string()),
+        }
+        let Ok(record) = unseal::<CombinationRecord>(&bytes) else { return Ok(None) };
+        if let Some(differences) = record.differences(self.setting) {
+            return Err(ExperimentError::Kept { path, differences });
+        }
+        let (found, asked) = (&record.version, combination.version());
+        again(match found == asked {
+            true => format!("it is of {} and {} pairs", record.metric, record.pairs()),
+            false => format!("the version of {combination} is {found} there and {asked} here"),
         })
     }
 
@@ -94,7 +108,7 @@ impl Job<'_> {
         let mut outcomes: Vec<(Combination, Outcome)> = Vec::new();
         let mut missing: Vec<Combination> = Vec::new();
         for combination in combinations {
-            match self.kept(combination, warnings) {
+            match self.kept(combination, warnings)? {
                 Some(outcome) => outcomes.push((*combination, outcome)),
                 None => missing.push(*combination),
             }

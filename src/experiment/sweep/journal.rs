@@ -37,16 +37,16 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Takes up the journal at `path`; one of another group, setting or version of a metric begins anew. Lines that do not match
+    /// Takes up the journal at `path`; one of another group or version of a metric begins anew. Lines that do not match
     /// their seals are left out, with a warning, except a last line that was cut off.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file belongs to another setting ([`ExperimentError::Kept`]), or cannot be written.
     pub fn open(path: PathBuf, group: &[Combination], setting: &Setting) -> Result<Self, ExperimentError> {
         let named = |combination: &Combination| (combination.to_string(), combination.version().to_owned());
         let header = Header { setting: setting.clone(), metrics: group.iter().map(named).collect() };
         let bytes = fs::read(&path).unwrap_or_default();
-        let (known, warnings) = read(&bytes, &header, &path);
+        let (known, warnings) = read(&bytes, &header, &path)?;
         let mut whole = line(&header)?;
         for (&pair, found) in &known {
             whole += &line(&Line { pair, found: found.clone() })?;
@@ -84,19 +84,25 @@ impl Journal {
     }
 }
 
-/// The pairs of a journal with that header, and what is wrong with other lines.
-fn read(bytes: &[u8], header: &Header, path: &Path) -> (BTreeMap<usize, PairOutcome>, Vec<String>) {
+/// The pairs of a journal, by their places, and what is wrong with other lines.
+type Found = (BTreeMap<usize, PairOutcome>, Vec<String>);
+
+/// What a journal with that header holds.
+fn read(bytes: &[u8], header: &Header, path: &Path) -> Result<Found, ExperimentError> {
     let (mut known, mut warnings) = (BTreeMap::new(), Vec::new());
     let mut lines = bytes.split_inclusive(|b| *b == b'\n');
     let place = path.display();
     match lines.next().map(unseal::<Header>) {
-        None => return (known, warnings),
+        None => return Ok((known, warnings)),
         Some(Ok(found)) if found == *header => {}
-        // Of another group, setting or version: nothing in it is of use.
-        Some(Ok(_)) => return (known, warnings),
+        Some(Ok(found)) => match found.setting.differences(&header.setting) {
+            Some(differences) => return Err(ExperimentError::Kept { path: path.to_owned(), differences }),
+            // Of another group or version: nothing in it is of use.
+            None => return Ok((known, warnings)),
+        },
         Some(Err(e)) => {
             warnings.push(format!("{place}, line 1: {e}; the group is computed again"));
-            return (known, warnings);
+            return Ok((known, warnings));
         }
     }
     for (number, text) in lines.enumerate() {
@@ -110,7 +116,7 @@ fn read(bytes: &[u8], header: &Header, path: &Path) -> (BTreeMap<usize, PairOutc
             Err(e) => warnings.push(format!("{place}, line {}: {e}; the pair is computed again", number + 2)),
         }
     }
-    (known, warnings)
+    Ok((known, warnings))
 }
 
 fn line(content: &impl Serialize) -> Result<String, ExperimentError> {
@@ -162,7 +168,10 @@ mod tests {
             assert_eq!(*journal.known(), BTreeMap::from([(3, found())]));
             assert!(journal.warnings().is_empty());
         }
-        assert!(open(&group(), &setting("fast")).known().is_empty());
+        let bytes = fs::read(&path).unwrap();
+        let error = Journal::open(path.clone(), &group(), &setting("fast")).err().unwrap().to_string();
+        assert!(error.contains("is the result of another run: accuracy is coarse there and fast here"), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), bytes);
         let journal = open(&group()[..1], &setting_of);
         assert!(journal.known().is_empty());
         journal.remove().unwrap();

@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use vernis_metric::brdf::ContentHash;
 use vernis_metric::io::{SealError, unseal};
-use vernis_metric::metric::MetricError;
 use vernis_metric::metric::graph::GraphMetric;
 use vernis_metric::metric::kernel::KernelMetric;
 use vernis_metric::metric::transport::TransportMetric;
+use vernis_metric::metric::{MetricError, Side};
 
 /// What a combination gave.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,6 +49,19 @@ impl Setting {
         Self { grid, accuracy, study: fingerprint(study) }
     }
 
+    /// In what the setting of something kept, `self`, differs from the one that is asked for; `None` where it is the same.
+    pub(super) fn differences(&self, asked: &Self) -> Option<String> {
+        let parts = [
+            ("grid", &self.grid, &asked.grid),
+            ("accuracy", &self.accuracy, &asked.accuracy),
+            ("the SHA-256 of the study", &self.study, &asked.study),
+        ];
+        let differing = parts.into_iter().filter(|(_, found, asked)| found != asked);
+        let texts: Vec<_> =
+            differing.map(|(what, found, asked)| format!("{what} is {found} there and {asked} here")).collect();
+        (!texts.is_empty()).then(|| texts.join(", "))
+    }
+
     /// The notation of `combination` that computes it in this setting.
     fn notation(&self, combination: &Combination) -> String {
         match combination.family() {
@@ -79,6 +92,19 @@ impl CombinationRecord {
     pub fn new(combination: &Combination, setting: &Setting, outcome: Outcome) -> Self {
         let (metric, version) = (combination.to_string(), combination.version().to_owned());
         Self { metric, version, setting: setting.clone(), outcome }
+    }
+
+    /// How many pairs it holds; none where the metric refused.
+    pub fn pairs(&self) -> usize {
+        match &self.outcome {
+            Outcome::Computed { channels } => channels.len(),
+            Outcome::Refused { .. } => 0,
+        }
+    }
+
+    /// In what the setting of this record differs from `setting`; `None` where it is the same.
+    pub fn differences(&self, setting: &Setting) -> Option<String> {
+        self.setting.differences(setting)
     }
 
     /// The outcome in a file's bytes; `None` where the file is of another combination, setting, version or number of pairs.
@@ -199,14 +225,14 @@ impl Members {
         match self {
             Self::Transport(metrics) => {
                 let all = |reason: String| vec![Err(reason); metrics.len()];
-                let prepared = refusal(tables, first, metrics[0].prepare_channels(&reference, "reference"))?;
+                let prepared = refusal(tables, first, metrics[0].prepare_channels(&reference, Side::Reference))?;
                 Ok(Box::new(move |index| {
                     let reference = match &prepared {
                         Ok(reference) => reference,
                         Err(reason) => return Ok(all(reason.clone())),
                     };
                     let table = tables.candidate(index)?;
-                    match refusal(tables, index, metrics[0].prepare_channels(&table, "candidate"))? {
+                    match refusal(tables, index, metrics[0].prepare_channels(&table, Side::Candidate))? {
                         Ok(candidate) => {
                             let of = |metric: &TransportMetric| metric.between(reference, &candidate);
                             metrics.iter().map(|metric| refusal(tables, index, of(metric))).collect()
@@ -234,7 +260,7 @@ fn refusal<T>(
 ) -> Result<Result<T, String>, ExperimentError> {
     match found {
         Ok(found) => Ok(Ok(found)),
-        Err(MetricError::NotComputed { reason, .. }) => Ok(Err(reason)),
+        Err(MetricError::NotComputed { reason, .. } | MetricError::TooWide { reason, .. }) => Ok(Err(reason)),
         Err(source) => {
             let (reference, candidate) = tables.notations(index);
             Err(ExperimentError::Metric { reference, candidate, source: Box::new(source) })

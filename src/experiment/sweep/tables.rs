@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::BrdfSource;
+use vernis_metric::metric::Side;
 use vernis_metric::metric::graph::{CompactTable, CosineTable, GraphGrid};
 
 /// Every distinct BRDF of a study on one grid. As many as fit into the memory given are kept, rounded to f32; the others are
@@ -97,7 +98,7 @@ impl StudyTables {
 
 fn make(source: &BrdfSource, grid: GraphGrid, base: Option<&Path>) -> Result<CompactTable, ExperimentError> {
     let open = source.open(base)?;
-    let table = CosineTable::of(open.brdf.as_ref(), grid, "the BRDF");
+    let table = CosineTable::of(open.brdf.as_ref(), grid, Side::Alone);
     let named = |source| ExperimentError::Table { notation: open.notation.clone(), source: Box::new(source) };
     let table = table.map_err(named)?;
     Ok(CompactTable::new(&table))

@@ -46,6 +46,7 @@ pub fn fit(model: &str, metric: &dyn Metric, reference: &dyn Brdf) -> Result<Fit
         evaluations: 1,
         polish_evaluations: 0,
         history: Vec::new(),
+        at_bounds: Vec::new(),
     })
 }
 

@@ -1,48 +1,42 @@
 //! One fit from beginning to end.
 //!
 //! 1. The loss of the metric, and a cheaper one for the search: fewer cells for Lp, a coarser grid for metrics on graphs.
-//! 2. The starts: staged, a fit under the logarithm (D9.Cl), or given parameters; further ones by rank, then by chance.
-//! 3. A search from each start under the cheap loss, in parallel; the best one counts. A learned metric that starts from a fit
-//!    under the logarithm is let in by degrees instead ([`Blend`]), or, for comparison, at once ([`Start::LogAtOnce`]).
+//! 2. The starts: staged, fits under the logarithm (D9.Cl), or given parameters; further ones by rank, then by chance.
+//! 3. A search from each start under the cheap loss, in parallel; the best one counts (`search.rs`).
 //! 4. A polish under the metric itself, with steps of a hundredth: by L-BFGS where there are gradients, else by the method
 //!    of the search.
+//!
+//! The result is never worse under the metric than the first start. A fit that is interrupted gives the best of what it has.
 
 use super::direct;
-use super::loss::{Blend, Lattice, Loss, LpLoss, MetricLoss};
+use super::loss::{Lattice, Loss, LpLoss, MetricLoss};
 use super::objective::LossObjective;
-use super::optimizer::{Improvement, Limits, Method, Outcome, StopReason, minimise};
+use super::optimizer::{FLAT, Improvement, Limits, Method, StopReason, is_flat_around, minimise};
+use super::search::{GAIN, STEP, Searched, TOLERANCE};
+use super::space::AtBound;
 use super::start::{Candidate, staged};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
 use crate::brdf::models::AnalyticBrdf;
-use crate::io::{Observer, Progress};
+use crate::io::{Interrupt, Observer, Progress};
 use crate::math::seed;
 use crate::metric::lp::{Formula, LpMetric, LpVariant};
 use crate::metric::{Metric, MetricError};
 use rand::Rng;
 use rayon::prelude::*;
 use std::any::Any;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The loss whose minimum is the start of a fit under a learned metric.
 const LOG: LpVariant = LpVariant::new(Formula::D9, true, false);
-/// t of the blends before the learned metric itself.
-const BLENDS: [f64; 3] = [0.25, 0.5, 0.75];
-/// At each of them, one part in so many of the evaluations.
-const BLEND_SHARE: usize = 6;
-/// First step of a search, of a blend, and of a polish, in the coordinates of [`Space`].
-const STEP: f64 = 0.2;
-const BLEND_STEP: f64 = 0.1;
-const POLISH_STEP: f64 = 0.01;
-const TOLERANCE: f64 = 1e-3;
-/// Of a learned metric: a hundredth of a parameter is nothing that anybody sees.
-const LEARNED_TOLERANCE: f64 = 1e-2;
-const POLISH_TOLERANCE: f64 = 1e-4;
-/// Evaluations of a polish: those under the whole metric are dear.
-const POLISH_EVALUATIONS: usize = 8;
+/// Evaluations of each fit under it.
+const LOG_EVALUATIONS: usize = 5000;
 /// A random start moves every coordinate by up to so much.
 const SCATTER: f64 = 1.0;
+/// Fits under the logarithm that end nearer to each other than this, in every coordinate, are one start.
+const SAME_START: f64 = 1e-2;
 
 /// Where a fit begins.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +75,7 @@ pub struct Fitting<'a> {
     pub start: Option<Start>,
     /// How each start is searched.
     pub method: Method,
-    /// How many starts are searched from.
+    /// How many starts are searched from; the best result counts.
     pub starts: usize,
     /// Of the random starts.
     pub seed: u64,
@@ -89,17 +83,19 @@ pub struct Fitting<'a> {
     pub coarsening: usize,
     /// For each start; `None`: 5000 for Lp, 400 for others.
     pub max_evaluations: Option<usize>,
+    /// Once it is raised the fit ends early, with the best so far and [`StopReason::Interrupted`].
+    pub interrupt: Interrupt,
 }
 
 /// The result of a fit.
 pub struct Fitted {
     /// The model with the parameters that were found.
     pub model: Arc<dyn AnalyticBrdf>,
-    /// The metric's distance at the start.
+    /// The metric's distance at the first start; infinite where it has none there.
     pub value_at_start: f64,
     /// The metric's distance at the end.
     pub value: f64,
-    /// How the search ended.
+    /// How the search that won ended.
     pub stop: StopReason,
     /// Name of the search method, such as `lbfgs`.
     pub method: &'static str,
@@ -111,25 +107,28 @@ pub struct Fitted {
     pub polish_evaluations: usize,
     /// Improvements of the search that won, under the loss of the search.
     pub history: Vec<Improvement>,
+    /// Parameters that stand on a bound of the model's; none where nothing was searched for.
+    pub at_bounds: Vec<AtBound>,
 }
 
 /// Where the searches begin.
-struct Starts {
-    candidates: Vec<Candidate>,
+pub(super) struct Starts {
+    pub candidates: Vec<Candidate>,
     /// The loss of the log fits that they are the results of.
-    log: Option<LpLoss>,
+    pub log: Option<LpLoss>,
 }
 
 impl<'a> Fitting<'a> {
     /// As the command line has it where nothing else is said.
     pub fn new(model: &'a str, metric: &'a dyn Metric) -> Self {
-        let (start, method) = (None, Method::HookeJeeves);
-        Self { model, metric, start, method, starts: 1, seed: 1, coarsening: 3, max_evaluations: None }
+        let (start, method, interrupt) = (None, Method::HookeJeeves, Interrupt::new());
+        Self { model, metric, start, method, starts: 1, seed: 1, coarsening: 3, max_evaluations: None, interrupt }
     }
 
-    /// Fits the model to `reference`.
+    /// Fits the model to `reference`; the same whatever the number of threads.
     ///
-    /// A search that spends its evaluations is no error: [`Fitted::stop`] says so, and the best point so far is returned.
+    /// A search that spends its evaluations, or is interrupted, is no error: [`Fitted::stop`] says so, and the best point so far is
+    /// returned.
     ///
     /// # Errors
     /// [`FitError::UnknownModel`], [`FitError::Setting`], [`FitError::NoGradient`], [`FitError::Start`], and those of the metric.
@@ -143,39 +142,56 @@ impl<'a> Fitting<'a> {
         let search_metric = coarse.as_deref().unwrap_or(self.metric);
         let search = loss_of(search_metric, reference, self.coarsening)?;
         let evaluations = AtomicUsize::new(0);
-        let Starts { candidates, log } = self.starts(&space, reference, &*search, &evaluations, observer)?;
-        let first = space.build(&candidates[0].parameters)?;
-        let (outcome, spent) = match (&log, self.metric.properties().rough) {
-            (Some(log), true) => self.blended(&space, &candidates[0], log, &*search, observer)?,
-            _ => self.search(&space, &candidates, &*search, observer)?,
-        };
-        let whole = match self.is_coarse(coarse.is_some()) {
-            true => Some(loss_of(self.metric, reference, 1)?),
-            false => None,
-        };
+        let starts = self.starts(&space, reference, &*search, &evaluations, observer)?;
+        let Searched { outcome, from, spent } = self.search(&space, &starts, &*search, observer)?;
+        let is_coarse = self.is_coarse(coarse.is_some());
+        let whole = if is_coarse { Some(loss_of(self.metric, reference, 1)?) } else { None };
         let whole = whole.as_deref().unwrap_or(&*search);
-        let at_start = whole.value(&*first)?;
-        let mut parameters = space.parameters(&outcome.x);
-        let mut value = whole.value(&*space.build(&parameters)?)?;
+        let first = &starts.candidates[0].parameters;
+        let at_start = whole.value(&*space.build(first)?)?;
+        let (mut x, mut stop) = (outcome.x, outcome.stop);
+        let mut value = whole.value(&*space.build(&space.parameters(&x))?)?;
         let mut polish_evaluations = 0;
-        if self.is_coarse(coarse.is_some()) {
-            let polished = self.polish(&space, &outcome.x, whole, observer)?;
+        if is_coarse && value.is_finite() && !self.interrupt.is_raised() {
+            let polished = self.polish(&space, &x, whole, observer)?;
             polish_evaluations = polished.evaluations;
             if polished.value < value {
-                (parameters, value) = (space.parameters(&polished.x), polished.value);
+                (x, value) = (polished.x, polished.value);
             }
+        }
+        let mut parameters = space.parameters(&x);
+        if at_start < value {
+            (x, parameters, value) = (space.scaled(first), first.clone(), at_start);
+        }
+        if !value.is_finite() {
+            let refusal = whole.refusal(&*space.build(first)?);
+            let reason = "the metric has a value neither there nor where the search ended".to_owned();
+            return Err(FitError::Start { reason: refusal.map_or(reason.clone(), |e| format!("{reason} ({e})")) });
+        }
+        // Cells that the search leaves out may drown all others.
+        if is_coarse && stop.is_success() && value > 0.0 && (at_start - value).abs() <= FLAT * value {
+            let objective = LossObjective::new(&space, whole, self.method);
+            if is_flat_around(&objective, &x, STEP)? {
+                stop = StopReason::Flat;
+            }
+        }
+        let origin = space.scaled(&starts.candidates[from].parameters);
+        let still = |origin: &[f64]| x.iter().zip(origin).all(|(a, b)| (a - b).abs() <= 1e-12 * (1.0 + b.abs()));
+        if stop.is_success() && value > 0.0 && (still(&origin) || still(&space.scaled(first))) {
+            stop = StopReason::NothingMoved;
         }
         Ok(Fitted {
             model: space.build(&parameters)?,
             // A learned loss may be negative; its distance is not.
             value_at_start: at_start.max(0.0),
             value: value.max(0.0),
-            stop: outcome.stop,
+            stop,
             method: self.method.name(),
             start: self.start_or_default().name(),
             evaluations: evaluations.into_inner() + spent,
             polish_evaluations,
             history: outcome.history,
+            at_bounds: space.at_bounds(&parameters),
         })
     }
 
@@ -193,7 +209,7 @@ impl<'a> Fitting<'a> {
         match (self.starts, self.coarsening, self.max_evaluations) {
             (0, _, _) | (1001.., _, _) => wrong("starts", self.starts, "1 to 1000"),
             (_, 0, _) | (_, 16.., _) => {
-                wrong("grid", self.coarsening, "1 to 15 cells of the metric per cell of the search")
+                wrong("coarsening", self.coarsening, "1 to 15 cells of the metric per cell of the search")
             }
             (_, _, Some(n @ ..10)) => wrong("max-evaluations", n, "10 or more"),
             _ => Ok(()),
@@ -211,9 +227,14 @@ impl<'a> Fitting<'a> {
         coarse_metric || (lattice && self.coarsening > 1)
     }
 
-    fn limits(&self, step: f64) -> Limits {
+    pub(super) fn limits(&self, step: f64) -> Limits {
         let default = if lp_variant(self.metric).is_some() { 5000 } else { 400 };
-        Limits { max_evaluations: self.max_evaluations.unwrap_or(default), step, tolerance: TOLERANCE }
+        Limits { max_evaluations: self.max_evaluations.unwrap_or(default), step, tolerance: TOLERANCE, gain: GAIN }
+    }
+
+    /// What an observer of a search answers.
+    pub(super) fn go_on(&self) -> ControlFlow<()> {
+        if self.interrupt.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn starts(
@@ -227,6 +248,7 @@ impl<'a> Fitting<'a> {
         let count = || {
             let done = evaluations.fetch_add(1, Ordering::Relaxed) + 1;
             observer("starts", Progress { done, total: 0 });
+            self.go_on()
         };
         let lattice = || Lattice::new(reference, self.coarsening.max(3), 80);
         let mut log = None;
@@ -235,14 +257,24 @@ impl<'a> Fitting<'a> {
             Start::Log | Start::LogAtOnce => {
                 let loss = LpLoss::new(reference, LOG, self.coarsening.max(2))?.ok_or_else(no_log)?;
                 let starts = staged(space, &lattice()?, &loss, self.starts, &count)?;
-                let limits = Limits { max_evaluations: 5000, step: STEP, tolerance: TOLERANCE };
+                let limits = Limits { max_evaluations: LOG_EVALUATIONS, step: STEP, tolerance: TOLERANCE, gain: GAIN };
                 let fit = |start: &Candidate| {
                     let objective = LossObjective::new(space, &loss, Method::HookeJeeves);
                     minimise(Method::HookeJeeves, &objective, &space.scaled(&start.parameters), limits, &|_| count())
                 };
-                let fitted = starts.par_iter().map(fit).collect::<Result<Vec<_>, _>>()?;
+                let mut fitted = starts.par_iter().map(fit).collect::<Result<Vec<_>, _>>()?;
+                fitted.sort_by(|a, b| a.value.total_cmp(&b.value));
+                let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME_START);
+                let mut distinct: Vec<Vec<f64>> = Vec::new();
+                let mut kept = Vec::new();
+                for found in fitted {
+                    if !distinct.iter().any(|other| near(other, &found.x)) {
+                        kept.push(Candidate { parameters: space.parameters(&found.x), value: found.value });
+                        distinct.push(found.x);
+                    }
+                }
                 log = Some(loss);
-                fitted.into_iter().map(|o| Candidate { parameters: space.parameters(&o.x), value: o.value }).collect()
+                kept
             }
             Start::Parameters(parameters) => {
                 space.build(&parameters)?;
@@ -257,87 +289,6 @@ impl<'a> Fitting<'a> {
             starts.push(Candidate { parameters: space.parameters(&u), value: f64::INFINITY });
         }
         Ok(Starts { candidates: starts, log })
-    }
-
-    /// The best of the searches from all starts, and the evaluations of all.
-    fn search(
-        &self,
-        space: &Space,
-        starts: &[Candidate],
-        loss: &dyn Loss,
-        observer: Observer<'_>,
-    ) -> Result<(Outcome, usize), FitError> {
-        let limits = self.limits(STEP);
-        let done = AtomicUsize::new(0);
-        let total = limits.max_evaluations * starts.len();
-        let count = |_| observer("search", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
-        let objective = LossObjective::new(space, loss, self.method);
-        objective.check(self.method)?;
-        let from =
-            |start: &Candidate| minimise(self.method, &objective, &space.scaled(&start.parameters), limits, &count);
-        let outcomes: Vec<Result<Outcome, FitError>> = starts.par_iter().map(from).collect();
-        let mut best: Option<Outcome> = None;
-        for (k, outcome) in outcomes.into_iter().enumerate() {
-            let outcome = match outcome {
-                // A random start may lie where the metric has no value.
-                Err(FitError::Start { .. }) if k > 0 => continue,
-                other => other?,
-            };
-            if best.as_ref().is_none_or(|b| outcome.value < b.value) {
-                best = Some(outcome);
-            }
-        }
-        let mut best = best.ok_or_else(|| FitError::Start { reason: "no start has a finite loss".to_owned() })?;
-        objective.undo_power(&mut best);
-        Ok((best, done.into_inner()))
-    }
-
-    /// From a log fit to the learned metric by degrees.
-    fn blended(
-        &self,
-        space: &Space,
-        start: &Candidate,
-        log: &dyn Loss,
-        learned: &dyn Loss,
-        observer: Observer<'_>,
-    ) -> Result<(Outcome, usize), FitError> {
-        let model = space.build(&start.parameters)?;
-        let (of_log, of_learned) = (log.value(&*model)?, learned.value(&*model)?);
-        // At a perfect fit there is nothing to scale.
-        let scale = if of_log > 0.0 && of_learned > 0.0 { of_learned / of_log } else { 1.0 };
-        let limits = self.limits(BLEND_STEP);
-        let total = limits.max_evaluations;
-        let mut x = space.scaled(&start.parameters);
-        let mut spent = 0;
-        let blends = if self.start == Some(Start::LogAtOnce) { &[][..] } else { &BLENDS };
-        for &t in blends {
-            let blend = Blend { a: log, b: learned, scale, t };
-            let objective = LossObjective::new(space, &blend, self.method);
-            objective.check(self.method)?;
-            let limits = Limits { max_evaluations: total / BLEND_SHARE, tolerance: LEARNED_TOLERANCE, ..limits };
-            let count = |n| observer("search", Progress { done: spent + n, total });
-            let outcome = minimise(self.method, &objective, &x, limits, &count)?;
-            x = outcome.x;
-            spent += outcome.evaluations;
-        }
-        let objective = LossObjective::new(space, learned, self.method);
-        let limits = Limits { max_evaluations: total - spent, tolerance: LEARNED_TOLERANCE, ..limits };
-        let count = |n| observer("search", Progress { done: spent + n, total });
-        let outcome = minimise(self.method, &objective, &x, limits, &count)?;
-        let evaluations = spent + outcome.evaluations;
-        Ok((outcome, evaluations))
-    }
-
-    fn polish(&self, space: &Space, x: &[f64], loss: &dyn Loss, observer: Observer<'_>) -> Result<Outcome, FitError> {
-        let smooth = LossObjective::new(space, loss, Method::Lbfgs).check(Method::Lbfgs).is_ok();
-        let method = if smooth { Method::Lbfgs } else { self.method };
-        let objective = LossObjective::new(space, loss, method);
-        let total = POLISH_EVALUATIONS;
-        let limits = Limits { max_evaluations: total, step: POLISH_STEP, tolerance: POLISH_TOLERANCE };
-        let count = |done| observer("polish", Progress { done, total });
-        let mut outcome = minimise(method, &objective, x, limits, &count)?;
-        objective.undo_power(&mut outcome);
-        Ok(outcome)
     }
 }
 

@@ -44,6 +44,24 @@ mod tests {
         assert!((x[0] - 1.5).abs() < 1e-12 && (x[1] - 0.5).abs() < 1e-12, "{x:?}");
     }
 
+    /// 0 x >= 0 holds wherever x is, and 0 x >= 1 nowhere.
+    #[test]
+    fn rows_of_zeros_hold_always_or_never() {
+        let rows = [vec![1.0, 1.0], vec![1.0, 0.0], vec![0.0, -1.0]];
+        let expected = solve(&rows, &[2.0, 1.5, -3.0]).unwrap();
+        for place in 0..4 {
+            let (mut with, mut h) = (rows.to_vec(), vec![2.0, 1.5, -3.0]);
+            with.insert(place, vec![0.0; 2]);
+            h.insert(place, 0.0);
+            assert_eq!(solve(&with, &h).unwrap(), expected, "{place}");
+            h[place] = -1.0;
+            let x = solve(&with, &h).unwrap();
+            assert!(x.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-9), "{place}: {x:?}");
+            h[place] = 1.0;
+            assert_eq!(solve(&with, &h), None, "{place}");
+        }
+    }
+
     #[test]
     fn contradictions_are_told() {
         assert_eq!(solve(&[vec![1.0, 0.0], vec![-1.0, 0.0]], &[1.0, 1.0]), None);

@@ -14,12 +14,13 @@ mod objective;
 pub mod optimizer;
 pub mod rational;
 mod result_file;
+mod search;
 mod space;
 pub mod start;
 
 pub use fitting::{Fitted, Fitting, Start};
-pub use result_file::{FIT_VERSION, FitFile, KeptFit, MetricUsed, ReferenceUsed};
-pub use space::Space;
+pub use result_file::{Difference, FIT_VERSION, FitFile, KeptFit, MetricUsed, ReferenceUsed};
+pub use space::{AtBound, Bound, Space};
 
 use crate::brdf::BrdfError;
 use crate::brdf::models::{ModelError, foreign, names};
@@ -50,6 +51,11 @@ pub enum FitError {
     Infeasible { model: String, channel: &'static str, width: f64 },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
+    #[error(
+        "{path} is the result of another run: {}; choose another folder, or remove the file",
+        differences.iter().map(Difference::to_string).collect::<Vec<_>>().join(", ")
+    )]
+    Kept { path: String, differences: Vec<Difference> },
 }
 
 impl FitError {

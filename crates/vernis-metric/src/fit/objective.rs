@@ -3,7 +3,8 @@
 use super::loss::{DifferentiableLoss, Loss};
 use super::optimizer::{Method, Objective, Outcome};
 use super::{FitError, Space};
-use crate::metric::MetricError;
+use crate::brdf::models::AnalyticBrdf;
+use std::sync::Arc;
 
 /// A loss in the coordinates of the search, to the power at which it is smooth where gradients are used.
 pub(super) struct LossObjective<'a> {
@@ -33,6 +34,14 @@ impl<'a> LossObjective<'a> {
         }
     }
 
+    /// The model at a parameter vector; `None` where the model itself refuses it, though each parameter is within its bounds.
+    fn model(&self, p: &[f64]) -> Result<Option<Arc<dyn AnalyticBrdf>>, FitError> {
+        match self.space.build(p) {
+            Err(FitError::Model(_)) => Ok(None),
+            built => built.map(Some),
+        }
+    }
+
     /// The value and the history as the metric has them.
     pub fn undo_power(&self, outcome: &mut Outcome) {
         if self.power != 1.0 {
@@ -49,24 +58,28 @@ impl Objective for LossObjective<'_> {
     }
 
     fn value(&self, x: &[f64]) -> Result<f64, FitError> {
-        let value = self.loss.value(&*self.space.build(&self.space.parameters(x))?)?;
+        let Some(model) = self.model(&self.space.parameters(x))? else { return Ok(f64::INFINITY) };
+        let value = self.loss.value(&*model)?;
         Ok(if self.power == 1.0 { value } else { value.powf(self.power) })
     }
 
     fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), FitError> {
         let p = self.space.parameters(x);
-        let model = self.space.build(&p)?;
+        let no_value = || Ok((f64::INFINITY, vec![0.0; x.len()]));
+        let Some(model) = self.model(&p)? else { return no_value() };
         let none = |what: &str| FitError::NoGradient { what: what.to_owned() };
         let loss = self.loss.as_differentiable().ok_or_else(|| none(self.loss.name()))?;
         let model = model.as_differentiable().ok_or_else(|| none(self.space.model()))?;
         let (value, mut gradient) = match loss.gradient(model) {
-            Err(MetricError::Unusable { side: "candidate", .. } | MetricError::NotFinite { .. }) => {
-                return Ok((f64::INFINITY, vec![0.0; x.len()]));
-            }
+            Err(error) if error.is_about_candidate_values() => return no_value(),
             other => other?,
         };
         let outer = self.power * value.powf(self.power - 1.0);
         gradient.iter_mut().zip(self.space.slopes(&p)).for_each(|(g, slope)| *g *= outer * slope);
+        // A slope that is no number leads nowhere.
+        if gradient.iter().any(|g| !g.is_finite()) {
+            return no_value();
+        }
         Ok((value.powf(self.power), gradient))
     }
 }

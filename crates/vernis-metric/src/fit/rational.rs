@@ -21,7 +21,7 @@ use crate::brdf::Brdf;
 use crate::brdf::models::{AnalyticBrdf, Basis, DifferentiableBrdf, Rational, schema};
 use crate::math::coordinates::{HalfDifference, half_difference_directions};
 use crate::math::{Rgb, Vec3};
-use crate::metric::MetricError;
+use crate::metric::{MetricError, Side};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
@@ -29,6 +29,8 @@ use std::sync::Arc;
 pub const WIDTHS: [f64; 9] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 0.9];
 /// Added to a value before the width is taken, 1/sr.
 const FLOOR: f64 = 1e-3;
+/// That of the model itself.
+const LARGEST_VALUE: f64 = 1e9;
 const HALF_ANGLES: usize = 32;
 const DIFFERENCE_ANGLES: usize = 12;
 const LAST_DIFFERENCE_ANGLE: f64 = 78.0;
@@ -86,12 +88,17 @@ fn samples(reference: &dyn Brdf) -> Result<Vec<Sample>, FitError> {
                 .filter(visible)
                 .filter_map(|(wi, wo)| reference.eval(wi, wo).map(|value| (wi, wo, value.map(|v| v.max(0.0)))))
                 .collect();
+            if let Some((.., value)) = found.iter().find(|f| f.2.iter().any(|v| !v.is_finite() || *v > LARGEST_VALUE)) {
+                let reason =
+                    format!("a value is {value:?}; it must be at most {LARGEST_VALUE:e} for a rational function");
+                return Err(MetricError::Unusable { side: Side::Reference, reason }.into());
+            }
             let Some(&(wi, wo, _)) = found.first() else { continue };
             let mean = |c: usize| found.iter().map(|f| f.2[c]).sum::<f64>() / found.len() as f64;
             all.push(Sample { wi, wo, value: [0, 1, 2].map(mean) });
         }
     }
-    if all.is_empty() { Err(MetricError::NoValidCell { side: "reference" }.into()) } else { Ok(all) }
+    if all.is_empty() { Err(MetricError::NoValidCell { side: Side::Reference }.into()) } else { Ok(all) }
 }
 
 /// b_k at each sample: the derivatives of P/Q by the coefficients of P where Q = 1.
@@ -118,7 +125,10 @@ fn channel(values: &[f64], bases: &[Vec<f64>], numerators: usize, denominators: 
             let q = basis[..denominators].iter().map(|b| -sign * bound * b);
             let row: Vec<f64> = p.chain(q).collect();
             let length = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-            rows.push(row.into_iter().map(|x| x / length).collect());
+            // 0 >= 0 asks for nothing.
+            if length > 0.0 {
+                rows.push(row.into_iter().map(|x| x / length).collect());
+            }
         }
     }
     let margins = vec![1.0; rows.len()];
@@ -144,6 +154,23 @@ mod tests {
                     assert!((a[c] / b[c] - 1.0).abs() < 0.03, "{model} {ti} {to} {phi}: {a:?} {b:?}");
                 }
             }
+        }
+    }
+
+    /// Rows of zeros, whose margin is zero, say nothing: two samples of which one has no basis give what the other gives alone.
+    #[test]
+    fn a_row_of_zeros_does_not_end_the_programme() {
+        let (values, bases) = ([0.2, 0.3, 0.25], [vec![1.0, 0.5], vec![1.0, -0.5], vec![1.0, 0.1]]);
+        let expected = channel(&values, &bases, 2, 2, 0.1).unwrap();
+        for place in 0..4 {
+            let (mut values, mut bases) = (values.to_vec(), bases.to_vec());
+            values.insert(place, 0.7);
+            bases.insert(place, vec![0.0; 2]);
+            assert_eq!(channel(&values, &bases, 2, 2, 0.1).unwrap(), expected, "{place}");
+        }
+        // A black channel, and one black in places, have a solution.
+        for values in [[0.0; 3], [0.2, 0.0, 0.1]] {
+            assert!(channel(&values, &bases, 2, 2, 0.9).is_some(), "{values:?}");
         }
     }
 

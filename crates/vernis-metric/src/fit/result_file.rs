@@ -6,10 +6,11 @@
 //! model        identifier of the model
 //! parameters   by name, colours as three numbers, as in a model file
 //! reference    {source, sha256}: what was fitted
-//! metric       {name, version}: the loss, and the version of its numbers
-//! value_at_start, value   the metric's distance
+//! metric       {name, version, identity}: the loss, the version of its numbers, and what else decides them
+//! value_at_start, value   the metric's distance; null at a start where it has none
+//! at_bounds    [{parameter, bound, value}, ...]: parameters that stand on a bound of the model's, lower or upper
 //! start, optimizer, seed, starts, grid, max_evaluations   how it was searched; grid is the coarsening
-//! stop         converged, no-descent, evaluation-limit or direct
+//! stop         converged, no-descent, nothing-moved, flat, evaluation-limit, interrupted or direct
 //! evaluations, polish_evaluations
 //! history      [[evaluations, loss of the search], ...]: improvements
 //! fit_version  of the search: the same settings and versions give the same file
@@ -17,24 +18,28 @@
 //! seal         SHA-256 of the rest: a kept fit that was changed is made again
 //! ```
 //!
-//! The first files had neither seal nor fit_version, and the version of the program in place of that of a classical metric.
+//! The first files had neither seal, fit_version, identity nor at_bounds, and the version of the program in place of that of a classical metric.
 //!
 //! It is a BRDF source wherever one is accepted: the reader of model files takes `model` and `parameters`.
 
-use super::{FitError, Fitted, Fitting, direct};
+use super::optimizer::StopReason;
+use super::{AtBound, FitError, Fitted, Fitting, direct};
 use crate::brdf::formats::model_json::{FIT_FORMAT, FIT_READABLE_FROM};
 use crate::brdf::models::AnalyticBrdf;
 use crate::io::{SealError, read_at_most, seal_of, unique_keys};
 use crate::metric::Metric;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
+use std::fmt;
 use std::path::Path;
 
 const PROGRAM: &str = concat!("vernis ", env!("CARGO_PKG_VERSION"));
 /// Far more than any fit needs.
 const MOST_BYTES: u64 = 4 << 20;
 /// Of starts, searches and polish: it changes when the same settings give other parameters.
-pub const FIT_VERSION: &str = "1";
+pub const FIT_VERSION: &str = "2";
+/// Of files that do not say theirs.
+const FIRST_FIT_VERSION: &str = "1";
 
 /// The loss of a fit.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,12 +48,16 @@ pub struct MetricUsed {
     pub name: String,
     /// Version of the metric's numbers.
     pub version: String,
+    /// [`Metric::identity`]: the grid of a metric on graphs, the file of a learned one; `None` in the first files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identity: Option<String>,
 }
 
 impl MetricUsed {
-    /// Name and version of `metric`.
+    /// Name, version and identity of `metric`.
     pub fn of(metric: &dyn Metric) -> Self {
-        Self { name: metric.name().to_owned(), version: metric.version().to_owned() }
+        let [name, version] = [metric.name(), metric.version()].map(str::to_owned);
+        Self { name, version, identity: Some(metric.identity()) }
     }
 }
 
@@ -74,7 +83,8 @@ pub struct FitFile {
     pub reference: ReferenceUsed,
     /// The loss.
     pub metric: MetricUsed,
-    /// The metric's distance at the start.
+    /// The metric's distance at the first start; infinite, and null in the file, where it has none there.
+    #[serde(with = "or_null")]
     pub value_at_start: f64,
     /// The metric's distance at the end.
     pub value: f64,
@@ -91,13 +101,16 @@ pub struct FitFile {
     /// Largest number of evaluations for each start, where one was set.
     pub max_evaluations: Option<usize>,
     /// Why the search ended.
-    pub stop: super::optimizer::StopReason,
+    pub stop: StopReason,
     /// Evaluations of all searches and starts, without the polish.
     pub evaluations: usize,
     /// Evaluations of the polish under the metric itself.
     pub polish_evaluations: usize,
     /// Improvements of the search that won: evaluations so far, loss of the search.
     pub history: Vec<(usize, f64)>,
+    /// Parameters that stand on a bound.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at_bounds: Vec<AtBound>,
     /// [`FIT_VERSION`] of the writer; `None` in the first files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit_version: Option<String>,
@@ -142,6 +155,7 @@ impl FitFile {
             evaluations: fitted.evaluations,
             polish_evaluations: fitted.polish_evaluations,
             history: fitted.history.iter().map(|h| (h.evaluations, h.value)).collect(),
+            at_bounds: fitted.at_bounds.clone(),
             fit_version: Some(FIT_VERSION.to_owned()),
             program: PROGRAM.to_owned(),
             readable_from: Some(FIT_READABLE_FROM.to_owned()),
@@ -179,17 +193,44 @@ impl FitFile {
         Ok(file)
     }
 
-    /// Whether fitting the reference with that content in this way gave this file.
+    /// Whether fitting the reference with that content in this way gave this file, to its end.
     pub fn is_result_of(&self, fitting: &Fitting<'_>, sha256: &str) -> bool {
-        let searched = self.optimizer == fitting.method.name()
-            && fitting.start.as_ref().is_none_or(|s| self.start == s.name())
-            && (self.seed, self.starts, self.grid) == (fitting.seed, fitting.starts, fitting.coarsening)
-            && self.max_evaluations == fitting.max_evaluations;
-        self.model == fitting.model
-            && self.reference.sha256 == sha256
-            && self.metric == MetricUsed::of(fitting.metric)
-            && self.fit_version.as_deref().unwrap_or("1") == FIT_VERSION
-            && (searched || direct::is_direct(fitting.model))
+        self.stop != StopReason::Interrupted && self.differences(fitting, sha256).is_empty()
+    }
+
+    /// In what this file differs from that of fitting the reference with that content in this way.
+    pub fn differences(&self, fitting: &Fitting<'_>, sha256: &str) -> Vec<Difference> {
+        let mut all = Vec::new();
+        let mut compare = |what: &'static str, found: &str, asked: &str| {
+            if found != asked {
+                all.push(Difference { what, found: found.to_owned(), asked: asked.to_owned() });
+            }
+        };
+        let (metric, number) = (MetricUsed::of(fitting.metric), |n: usize| n.to_string());
+        compare("model", &self.model, fitting.model);
+        compare("the SHA-256 of the reference", &self.reference.sha256, sha256);
+        compare("metric", &self.metric.name, &metric.name);
+        if self.metric.name == metric.name {
+            compare(METRIC_VERSION, &self.metric.version, &metric.version);
+            if let (Some(found), Some(asked)) = (&self.metric.identity, &metric.identity)
+                && self.metric.version == metric.version
+            {
+                compare("the metric's identity", found, asked);
+            }
+        }
+        if !direct::is_direct(fitting.model) {
+            compare("optimizer", &self.optimizer, fitting.method.name());
+            if let Some(start) = &fitting.start {
+                compare("start", &self.start, start.name());
+            }
+            compare("seed", &self.seed.to_string(), &fitting.seed.to_string());
+            compare("starts", &number(self.starts), &number(fitting.starts));
+            compare("coarsening", &number(self.grid), &number(fitting.coarsening));
+            let most = |n: Option<usize>| n.map_or("the default".to_owned(), number);
+            compare("max-evaluations", &most(self.max_evaluations), &most(fitting.max_evaluations));
+        }
+        compare(FITS_VERSION, self.fit_version.as_deref().unwrap_or(FIRST_FIT_VERSION), FIT_VERSION);
+        all
     }
 
     /// The text of the file, ending in a line break.
@@ -201,6 +242,46 @@ impl FitFile {
         let open = Self { seal: None, ..self.clone() };
         let sealed = Self { seal: Some(seal_of(&open).map_err(failed)?), ..open };
         Ok(serde_json::to_string_pretty(&sealed).map_err(failed)? + "\n")
+    }
+}
+
+const METRIC_VERSION: &str = "the version of the metric";
+const FITS_VERSION: &str = "the version of fits";
+
+/// One thing in which a kept result differs from the one that is asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// Such as `seed`.
+    pub what: &'static str,
+    /// In the kept result.
+    pub found: String,
+    /// In the one that is asked for.
+    pub asked: String,
+}
+
+impl Difference {
+    /// Whether only another version of vernis made the result: what is asked for is the same, and the numbers are computed again.
+    pub fn is_version(&self) -> bool {
+        [METRIC_VERSION, FITS_VERSION].contains(&self.what)
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is {} there and {} here", self.what, self.found, self.asked)
+    }
+}
+
+/// A number that JSON may not have: infinity is null.
+mod or_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
     }
 }
 

@@ -9,7 +9,42 @@
 
 use super::FitError;
 use crate::brdf::models::{AnalyticBrdf, Parameter, build, schema};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+
+/// Nearer to a bound than this, in the coordinates of a search, a parameter stands on it.
+const ON_BOUND: f64 = 1e-3;
+
+/// Which end of a parameter's range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Bound {
+    /// The smallest value.
+    Lower,
+    /// The largest value.
+    Upper,
+}
+
+impl Bound {
+    /// `lower` or `upper`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lower => "lower",
+            Self::Upper => "upper",
+        }
+    }
+}
+
+/// A parameter that stands on a bound of its range: the fit might have gone on beyond.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AtBound {
+    /// Name in the schema of the model, such as `kd.r`.
+    pub parameter: String,
+    /// Which bound.
+    pub bound: Bound,
+    /// The value of the bound, in the parameter's unit.
+    pub value: f64,
+}
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Axis {
@@ -121,6 +156,20 @@ impl Space {
         self.axes.iter().zip(p).map(|(a, p)| a.slope(*p)).collect()
     }
 
+    /// The parameters of `p` that stand on a bound.
+    pub fn at_bounds(&self, p: &[f64]) -> Vec<AtBound> {
+        let at = |((u, parameter), &(low, high)): ((f64, &Parameter), &(f64, f64))| {
+            let (bound, value) = match (u - low < ON_BOUND, high - u < ON_BOUND) {
+                (false, false) => return None,
+                // Coordinates of negative parameters run backwards.
+                (lowest, _) if lowest != (parameter.bounds.1 < 0.0) => (Bound::Lower, parameter.bounds.0),
+                _ => (Bound::Upper, parameter.bounds.1),
+            };
+            Some(AtBound { parameter: parameter.name.to_string(), bound, value })
+        };
+        self.scaled(p).into_iter().zip(&self.schema).zip(&self.bounds).filter_map(at).collect()
+    }
+
     /// The model at a parameter vector.
     pub fn build(&self, p: &[f64]) -> Result<Arc<dyn AnalyticBrdf>, FitError> {
         build(&self.model, p).map_err(FitError::from_model)
@@ -143,6 +192,27 @@ mod tests {
             }
             let ends: Vec<f64> = space.bounds().iter().map(|b| b.1).collect();
             assert!(space.build(&space.parameters(&ends)).is_ok(), "{model} at its bounds");
+        }
+    }
+
+    #[test]
+    fn parameters_on_their_bounds_are_named() {
+        for model in MODELS {
+            let space = Space::of(model).unwrap();
+            assert_eq!(
+                space.at_bounds(&space.start()).iter().filter(|b| b.bound == Bound::Upper).count(),
+                0,
+                "{model}"
+            );
+            for (bound, end) in [(Bound::Lower, 0), (Bound::Upper, 1)] {
+                let p: Vec<f64> = space.schema().iter().map(|p| [p.bounds.0, p.bounds.1][end]).collect();
+                let found = space.at_bounds(&p);
+                assert_eq!(found.len(), p.len(), "{model}");
+                for (found, (parameter, value)) in found.iter().zip(space.schema().iter().zip(p)) {
+                    assert_eq!((found.parameter.as_str(), found.value), (&*parameter.name, value), "{model}");
+                    assert_eq!(found.bound, bound, "{model} {}", parameter.name);
+                }
+            }
         }
     }
 

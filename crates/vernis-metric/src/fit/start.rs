@@ -16,6 +16,7 @@ use crate::brdf::models::NamedParameters;
 use crate::math::coordinates::standard_directions;
 use crate::math::least_squares::within_bounds;
 use crate::math::{Rgb, Vec3};
+use std::ops::ControlFlow;
 
 /// Values tried along each field of the shape.
 const SWEEP: usize = 12;
@@ -52,7 +53,8 @@ fn fields(space: &Space) -> Result<Vec<Field>, FitError> {
     Ok(named.fields().into_iter().map(field).collect())
 }
 
-/// The best starts under `loss`, best first, at most `count`: of all shapes that were tried, and the start of the schema.
+/// The best starts under `loss`, best first, at most `count`: of all shapes that were tried, and the start of the schema. Where
+/// the observer says so, of those tried by then.
 ///
 /// # Errors
 /// Those of the loss; [`FitError::Start`] where it is finite nowhere.
@@ -61,10 +63,10 @@ pub fn staged(
     reference: &Lattice,
     loss: &dyn Loss,
     count: usize,
-    observer: &(dyn Fn() + Sync),
+    observer: &(dyn Fn() -> ControlFlow<()> + Sync),
 ) -> Result<Vec<Candidate>, FitError> {
     let colours = LinearColours::of(space, reference)?;
-    let mut tried = Tried { space, loss, observer, all: Vec::new() };
+    let mut tried = Tried { space, loss, observer, ended: false, all: Vec::new() };
     let start = space.start();
     tried.add(start.clone())?;
     let mut best = colours.best(&mut tried, &start)?;
@@ -73,6 +75,9 @@ pub fn staged(
         for field in &shape {
             let centre = best.parameters.clone();
             for value in sweep(space, *field) {
+                if tried.ended && best.value.is_finite() {
+                    break;
+                }
                 let mut p = centre.clone();
                 p[field.first..field.first + field.count].fill(value);
                 let found = colours.best(&mut tried, &p)?;
@@ -88,7 +93,9 @@ pub fn staged(
     all.dedup_by(|a, b| a.parameters == b.parameters);
     all.truncate(count.max(1));
     if all.is_empty() {
-        return Err(FitError::Start { reason: "the loss is finite at no start that was tried".to_owned() });
+        let reason = "the loss is finite at no start that was tried".to_owned();
+        let refusal = space.build(&start).ok().and_then(|model| loss.refusal(&*model));
+        return Err(FitError::Start { reason: refusal.map_or(reason.clone(), |e| format!("{reason} ({e})")) });
     }
     Ok(all)
 }
@@ -108,14 +115,19 @@ fn sweep(space: &Space, field: Field) -> Vec<f64> {
 struct Tried<'a> {
     space: &'a Space,
     loss: &'a dyn Loss,
-    observer: &'a (dyn Fn() + Sync),
+    observer: &'a (dyn Fn() -> ControlFlow<()> + Sync),
+    /// The observer has said so.
+    ended: bool,
     all: Vec<Candidate>,
 }
 
 impl Tried<'_> {
     fn add(&mut self, parameters: Vec<f64>) -> Result<Candidate, FitError> {
-        let value = self.loss.value(&*self.space.build(&parameters)?)?;
-        (self.observer)();
+        let value = match self.space.build(&parameters) {
+            Err(FitError::Model(_)) => f64::INFINITY,
+            model => self.loss.value(&*model?)?,
+        };
+        self.ended |= (self.observer)().is_break();
         let candidate = Candidate { parameters, value };
         self.all.push(candidate.clone());
         Ok(candidate)
@@ -170,7 +182,11 @@ impl<'a> LinearColours<'a> {
         if self.fields.is_empty() {
             return tried.add(p.to_vec());
         }
-        let columns = self.columns(p)?;
+        let columns = match self.columns(p) {
+            // A shape that the model refuses is no start.
+            Err(FitError::Model(_)) => return tried.add(p.to_vec()),
+            columns => columns?,
+        };
         let all: Vec<usize> = (0..self.fields.len()).collect();
         let together = self.solve(p, &columns, &all, |cell, c| cell.relative[c])?;
         let off_peak = |cell: &Cell, c: usize| if cell.off_peak { cell.relative[c] } else { 0.0 };
@@ -298,7 +314,7 @@ mod tests {
         let lattice = Lattice::new(&brdf, 3, 80).unwrap();
         for name in ["D4.Cl", "D9.Cl"] {
             let loss = LpLoss::new(&brdf, name.parse().unwrap(), 3).unwrap().unwrap();
-            let found = staged(&space, &lattice, &loss, 3, &|| ()).unwrap();
+            let found = staged(&space, &lattice, &loss, 3, &|| ControlFlow::Continue(())).unwrap();
             assert!(found.windows(2).all(|w| w[0].value <= w[1].value) && found.len() == 3);
             let p = &found[0].parameters;
             assert!((p[6] / 700.0).ln().abs() < 0.8, "{name}: {p:?}");

@@ -4,7 +4,9 @@
 //!
 //! [`Scalar`] is what a formula may do with its numbers; written over it, one formula serves plain `f64` (with the same
 //! operations in the same order) and [`Dual`]. At a kink (`abs`, `max`, `min`) the derivative is that of the branch that
-//! gives the value; where a derivative is infinite (the root of zero) it counts as zero.
+//! gives the value, and at the end of a domain (the powers and the root of zero) the one-sided one. Where a derivative is infinite
+//! (the root, the logarithm and the reciprocal of zero) it counts as zero: it says nothing of the way to go, and times the zero
+//! of another variable it would be NaN.
 //! Source: Griewank & Walther 2008, *Evaluating Derivatives*, chapter 3, doi:10.1137/1.9780898717761.
 //! Cost: of a formula with N variables, about 1 + N times that of the value, in arrays that vectorise.
 
@@ -107,11 +109,20 @@ impl<const N: usize> Dual<N> {
         Self { value, derivatives: self.derivatives.map(|d| slope * d) }
     }
 
+    /// The same for a slope that may be infinite.
+    fn chain_at_edge(self, value: f64, slope: f64) -> Self {
+        self.chain(value, zero_if_infinite(slope))
+    }
+
     /// The value together with `a` times the derivatives of `self` plus `b` times those of `other`.
     fn combine(self, other: Self, value: f64, a: f64, b: f64) -> Self {
         let derivatives = std::array::from_fn(|k| a * self.derivatives[k] + b * other.derivatives[k]);
         Self { value, derivatives }
     }
+}
+
+fn zero_if_infinite(slope: f64) -> f64 {
+    if slope.is_infinite() { 0.0 } else { slope }
 }
 
 impl<const N: usize> Scalar for Dual<N> {
@@ -121,16 +132,16 @@ impl<const N: usize> Scalar for Dual<N> {
 
     fn exp(self) -> Self {
         let e = self.value.exp();
-        self.chain(e, e)
+        self.chain_at_edge(e, e)
     }
 
     fn ln(self) -> Self {
-        self.chain(self.value.ln(), 1.0 / self.value)
+        self.chain_at_edge(self.value.ln(), 1.0 / self.value)
     }
 
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        self.chain(root, if root > 0.0 { 0.5 / root } else { 0.0 })
+        self.chain_at_edge(root, 0.5 / root)
     }
 
     fn erf(self) -> Self {
@@ -138,15 +149,20 @@ impl<const N: usize> Scalar for Dual<N> {
     }
 
     fn powi(self, exponent: i32) -> Self {
-        self.chain(self.value.powi(exponent), f64::from(exponent) * self.value.powi(exponent - 1))
+        // The power of exponent 0 is 1 everywhere: 0 x^-1 would be NaN at zero.
+        let slope = if exponent == 0 { 0.0 } else { f64::from(exponent) * self.value.powi(exponent - 1) };
+        self.chain_at_edge(self.value.powi(exponent), slope)
     }
 
     fn powf(self, exponent: Self) -> Self {
         let power = self.value.powf(exponent.value);
-        // The power of zero is flat in both, but for exponents up to 1, where it has no slope to speak of.
-        let (a, b) =
-            if self.value > 0.0 { (exponent.value * power / self.value, power * self.value.ln()) } else { (0.0, 0.0) };
-        self.combine(exponent, power, a, b)
+        let (a, b) = if self.value > 0.0 {
+            (exponent.value * power / self.value, power * self.value.ln())
+        } else {
+            // d/dx x^e at zero: 1 for e = 1, 0 for larger e and for e = 0, infinite elsewhere. d/de: 0 for e > 0, else infinite.
+            (if exponent.value == 1.0 { 1.0 } else { 0.0 }, 0.0)
+        };
+        self.combine(exponent, power, zero_if_infinite(a), zero_if_infinite(b))
     }
 }
 
@@ -188,7 +204,7 @@ impl<const N: usize> Div for Dual<N> {
     type Output = Self;
     fn div(self, other: Self) -> Self {
         let quotient = self.value / other.value;
-        self.combine(other, quotient, 1.0 / other.value, -quotient / other.value)
+        self.combine(other, quotient, zero_if_infinite(1.0 / other.value), zero_if_infinite(-quotient / other.value))
     }
 }
 
@@ -246,10 +262,74 @@ mod tests {
         }
     }
 
+    /// One-sided derivatives at the ends of domains and at kinks, by hand; a second variable that takes no part stays at zero.
     #[test]
-    fn roots_and_powers_of_zero_are_flat() {
-        let zero = Dual::<1>::variable(0.0, 0);
-        assert_eq!(zero.sqrt().derivatives, [0.0]);
-        assert_eq!(zero.powf(Dual::from(0.5)).derivatives, [0.0]);
+    fn derivatives_at_edges_are_the_one_sided_ones() {
+        type Function = fn(Dual<2>) -> Dual<2>;
+        let inf = f64::INFINITY;
+        let cases: [(&str, Function, f64, f64, f64); 34] = [
+            ("x^0 at 0", |x| x.powi(0), 0.0, 1.0, 0.0),
+            ("x^0 at -2", |x| x.powi(0), -2.0, 1.0, 0.0),
+            ("x^1 at 0", |x| x.powi(1), 0.0, 0.0, 1.0),
+            ("x^2 at 0", |x| x.powi(2), 0.0, 0.0, 0.0),
+            ("x^3 at -2", |x| x.powi(3), -2.0, -8.0, 12.0),
+            ("x^-1 at 0", |x| x.powi(-1), 0.0, inf, 0.0),
+            ("x^-2 at 0", |x| x.powi(-2), 0.0, inf, 0.0),
+            ("x^-1 at -2", |x| x.powi(-1), -2.0, -0.5, -0.25),
+            ("x^0. at 0", |x| x.powf(0.0.into()), 0.0, 1.0, 0.0),
+            ("x^.5 at 0", |x| x.powf(0.5.into()), 0.0, 0.0, 0.0),
+            ("x^1. at 0", |x| x.powf(1.0.into()), 0.0, 0.0, 1.0),
+            ("x^1.5 at 0", |x| x.powf(1.5.into()), 0.0, 0.0, 0.0),
+            ("x^-.5 at 0", |x| x.powf((-0.5).into()), 0.0, inf, 0.0),
+            ("x^0. at 2", |x| x.powf(0.0.into()), 2.0, 1.0, 0.0),
+            ("x^1. at 2", |x| x.powf(1.0.into()), 2.0, 2.0, 1.0),
+            ("0^x at 2", |x| Dual::from(0.0).powf(x), 2.0, 0.0, 0.0),
+            ("0^x at 1", |x| Dual::from(0.0).powf(x), 1.0, 0.0, 0.0),
+            ("0^x at 0", |x| Dual::from(0.0).powf(x), 0.0, 1.0, 0.0),
+            ("1^x at 0", |x| Dual::from(1.0).powf(x), 0.0, 1.0, 0.0),
+            ("root at 0", |x| x.sqrt(), 0.0, 0.0, 0.0),
+            ("ln at 0", |x| x.ln(), 0.0, -inf, 0.0),
+            ("ln at 1", |x| x.ln(), 1.0, 0.0, 1.0),
+            ("exp at 0", |x| x.exp(), 0.0, 1.0, 1.0),
+            ("exp at -800", |x| x.exp(), -800.0, 0.0, 0.0),
+            ("exp at 800", |x| x.exp(), 800.0, inf, 0.0),
+            ("erf at 0", |x| x.erf(), 0.0, 0.0, FRAC_2_SQRT_PI),
+            ("erf at 40", |x| x.erf(), 40.0, 1.0, 0.0),
+            ("1/x at 0", |x| Dual::from(1.0) / x, 0.0, inf, 0.0),
+            ("0/x at 2", |x| Dual::from(0.0) / x, 2.0, 0.0, 0.0),
+            // At a kink, the branch that gives the value: here `self`.
+            ("|x| at 0", |x| x.abs(), 0.0, 0.0, 1.0),
+            ("max(x, 0) at 0", |x| x.max(0.0.into()), 0.0, 0.0, 1.0),
+            ("max(0, x) at 0", |x| Dual::from(0.0).max(x), 0.0, 0.0, 0.0),
+            ("min(x, 0) at 0", |x| x.min(0.0.into()), 0.0, 0.0, 1.0),
+            ("min(0, x) at 0", |x| Dual::from(0.0).min(x), 0.0, 0.0, 0.0),
+        ];
+        for (what, function, x, value, slope) in cases {
+            let found = function(Dual::variable(x, 0));
+            assert_eq!((found.value, found.derivatives), (value, [slope, 0.0]), "{what}");
+        }
+        // Base and exponent at once: a lobe (1 - cos)^n at its edge, with n = 1.
+        let both = Dual::<2>::variable(0.0, 0).powf(Dual::variable(1.0, 1));
+        assert_eq!((both.value, both.derivatives), (0.0, [1.0, 0.0]));
+    }
+
+    /// Where a one-sided derivative is finite, it is the limit of one-sided differences.
+    #[test]
+    fn one_sided_derivatives_are_limits_of_differences() {
+        type Of<S> = fn(S) -> S;
+        let functions: [(Of<f64>, Of<Dual<1>>, f64); 6] = [
+            (|x| Scalar::powi(x, 0), |x| x.powi(0), 0.0),
+            (|x| Scalar::powi(x, 1), |x| x.powi(1), 0.0),
+            (|x| Scalar::powi(x, 2), |x| x.powi(2), 0.0),
+            (|x| Scalar::powf(x, 1.0), |x| x.powf(1.0.into()), 0.0),
+            (|x| Scalar::powf(x, 2.5), |x| x.powf(2.5.into()), 0.0),
+            (|x| Scalar::max(x, 0.0), |x| x.max(0.0.into()), 0.0),
+        ];
+        for (k, (plain, dual, x)) in functions.into_iter().enumerate() {
+            let h = 1e-7;
+            let expected = (plain(x + h) - plain(x)) / h;
+            let found = dual(Dual::variable(x, 0)).derivatives[0];
+            assert!((found - expected).abs() < 1e-6, "{k}: {found} {expected}");
+        }
     }
 }

@@ -17,6 +17,7 @@ use crate::math::{Rgb, Vec3};
 use graph::GraphGrid;
 use serde::Serialize;
 use std::any::Any;
+use std::fmt;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -41,25 +42,53 @@ pub struct Properties {
     pub source: &'static str,
 }
 
+/// What an error of a comparison is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Side {
+    /// The fixed BRDF.
+    Reference,
+    /// The BRDF that approximates it.
+    Candidate,
+    /// Both together, such as a descriptor of the pair.
+    Pair,
+    /// A BRDF that is compared with nothing yet.
+    Alone,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Reference => "reference",
+            Self::Candidate => "candidate",
+            Self::Pair => "reference and candidate",
+            Self::Alone => "the BRDF",
+        })
+    }
+}
+
 /// Why there is no distance.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum MetricError {
     #[error("{side}: {reason}")]
-    Unusable { side: &'static str, reason: String },
+    Unusable { side: Side, reason: String },
     #[error("{metric}: the distance is {value}; it must be a finite number")]
     NotFinite { metric: String, value: f64 },
     #[error("{metric}: reference and candidate have no valid cell in common")]
     NoCommonCell { metric: String },
     #[error("{side}: the BRDF has no valid cell on the grid of the metric")]
-    NoValidCell { side: &'static str },
+    NoValidCell { side: Side },
     #[error(
         "{metric}: reference and candidate have different grids, {reference} and {candidate}; they must have the same grid"
     )]
     DifferentGrids { metric: String, reference: String, candidate: String },
     #[error("{metric}: {reason}")]
     NotComputed { metric: String, reason: String },
+    /// The values of `side` spread further than the method can follow.
+    #[error("{metric}: {reason}")]
+    TooWide { metric: String, side: Side, reason: String },
     #[error("{metric}: the distance has no gradient")]
     NoGradient { metric: String },
     #[error("{what} is {found}; it must be {allowed}")]
@@ -72,6 +101,20 @@ pub enum MetricError {
     Shipped { reason: String },
     #[error("the name `{name}` is taken by another metric or group")]
     NameTaken { name: String },
+}
+
+impl MetricError {
+    /// Whether another candidate may have a distance to the same reference: its values are what is wrong. A search counts such a
+    /// candidate as infinitely bad and turns round; any other error ends it.
+    pub fn is_about_candidate_values(&self) -> bool {
+        match self {
+            Self::NotFinite { .. } => true,
+            Self::Unusable { side, .. } | Self::NoValidCell { side } | Self::TooWide { side, .. } => {
+                matches!(side, Side::Candidate | Side::Pair)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// What a metric that was learned from ratings predicts for a pair.

@@ -8,9 +8,10 @@ use vernis_metric::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf};
 use vernis_metric::fit::loss::{Loss, LpLoss, MetricLoss};
 use vernis_metric::fit::optimizer::{Method, StopReason};
 use vernis_metric::fit::{FitError, Fitted, Fitting, Start};
-use vernis_metric::metric::Metric;
+use vernis_metric::math::coordinates::standard_directions;
 use vernis_metric::metric::learned::LearnedMetric;
 use vernis_metric::metric::registry::Registry;
+use vernis_metric::metric::{Metric, MetricError, PreparedMetric, Properties, Side};
 
 /// A model on a small table in half/difference coordinates.
 fn table(model: &str, p: &[f64]) -> TabulatedBrdf {
@@ -143,6 +144,153 @@ fn a_fit_under_the_learned_metric_is_better_under_it_than_the_log_fit() {
     assert_eq!(of_learned.start, "log");
 }
 
+/// Under a metric that lets itself be let in by degrees every start is searched from, and the best result is kept.
+#[test]
+fn all_starts_count_under_a_learned_metric() {
+    let reference = table("ward-duer", &WARD);
+    let learned = metric("vernis");
+    let fitting = Fitting { max_evaluations: Some(40), coarsening: 6, ..Fitting::new("ggx", &*learned) };
+    let one = fit(&fitting, &reference);
+    let many = Fitting { starts: 4, ..fitting.clone() };
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| fit(&many, &reference))
+    };
+    let (four, again) = (on(4), on(1));
+    assert!(four.value <= one.value, "{} {}", four.value, one.value);
+    assert!(four.evaluations >= one.evaluations + 3 * 20, "{} {}", four.evaluations, one.evaluations);
+    assert_eq!((four.model.parameters(), four.value), (again.model.parameters(), again.value));
+    // A start that is worse than the log fit is no result.
+    for start in [Start::Log, Start::LogAtOnce] {
+        let fitted = fit(&Fitting { start: Some(start), max_evaluations: Some(10), ..fitting.clone() }, &reference);
+        assert!(fitted.value <= fitted.value_at_start, "{} {}", fitted.value, fitted.value_at_start);
+    }
+}
+
+/// The distance of another metric, refused with a given error for candidates with a bright highlight.
+struct Refusing {
+    inner: std::sync::Arc<dyn Metric>,
+    error: MetricError,
+}
+
+struct RefusingPrepared {
+    inner: Box<dyn PreparedMetric>,
+    error: MetricError,
+}
+
+impl Metric for Refusing {
+    fn name(&self) -> &str {
+        "refusing"
+    }
+
+    fn version(&self) -> &str {
+        "1"
+    }
+
+    fn properties(&self) -> Properties {
+        Properties { usable_as_loss: true, ..Properties::default() }
+    }
+
+    fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
+        Ok(Box::new(RefusingPrepared { inner: self.inner.prepare(reference)?, error: self.error.clone() }))
+    }
+}
+
+impl PreparedMetric for RefusingPrepared {
+    fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
+        // A narrow lobe is bright where it mirrors.
+        let (wi, wo) = standard_directions(0.1, 0.1, std::f64::consts::PI);
+        let peak = candidate.eval(wi, wo).map_or(0.0, |f| f[0]);
+        if peak > 0.35 { Err(self.error.clone()) } else { self.inner.distance(candidate) }
+    }
+}
+
+/// A search turns round where the metric refuses a candidate for its values, whatever the words; any other refusal ends it.
+#[test]
+fn a_candidate_that_the_metric_refuses_for_its_values_is_infinitely_bad() {
+    let reference = table("ggx", &GGX);
+    let inner = metric("energy[grid=4x4x8]");
+    let text = || "no reason".to_owned();
+    let about_values = [
+        MetricError::Unusable { side: Side::Candidate, reason: text() },
+        MetricError::Unusable { side: Side::Pair, reason: text() },
+        MetricError::TooWide { metric: text(), side: Side::Candidate, reason: text() },
+        MetricError::TooWide { metric: text(), side: Side::Pair, reason: text() },
+        MetricError::NoValidCell { side: Side::Candidate },
+        MetricError::NotFinite { metric: text(), value: f64::NAN },
+    ];
+    let others = [
+        MetricError::Unusable { side: Side::Reference, reason: "the candidate".to_owned() },
+        MetricError::TooWide { metric: text(), side: Side::Reference, reason: text() },
+        MetricError::NotComputed { metric: text(), reason: "the candidate".to_owned() },
+        MetricError::NoCommonCell { metric: text() },
+    ];
+    let run = |error: &MetricError| {
+        let metric = Refusing { inner: inner.clone(), error: error.clone() };
+        Fitting { max_evaluations: Some(60), coarsening: 9, ..Fitting::new("ggx", &metric) }.run(&reference, &|_, _| ())
+    };
+    for error in about_values {
+        assert!(error.is_about_candidate_values(), "{error:?}");
+        let fitted = run(&error).unwrap_or_else(|e| panic!("{error:?}: {e}"));
+        assert!(fitted.value.is_finite());
+    }
+    for error in others {
+        assert!(!error.is_about_candidate_values(), "{error:?}");
+        assert_eq!(run(&error).err().expect("it ends").to_string(), error.to_string());
+    }
+}
+
+/// Transport itself: a candidate whose graph spreads too far for its nodes is told from one that it cannot compare at all.
+#[test]
+fn a_graph_that_spreads_too_far_is_about_the_candidate() {
+    let metric = metric("ot[p=2,blur=0.01,phi=t,kappa=256,grid=20x20x80]");
+    let reference = build("lambert", &[0.5; 3]).expect("within bounds");
+    let bright = build("ggx", &[0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 0.003]).expect("within bounds");
+    let error = metric.distance(&*reference, &*bright).expect_err("too many nodes");
+    assert!(error.is_about_candidate_values(), "{error:?}");
+    let error = metric.distance(&*bright, &*reference).expect_err("too many nodes");
+    assert!(!error.is_about_candidate_values(), "{error:?}");
+}
+
+/// An interrupted fit gives the best of what it has, at every stage.
+#[test]
+fn an_interrupted_fit_gives_its_best_so_far() {
+    let reference = table("ward-duer", &WARD);
+    for (name, after) in [("D4.Cl", 0), ("D4.Cl", 3), ("D4.Cl", 60), ("vernis", 0), ("vernis", 30)] {
+        let metric = metric(name);
+        let fitting = Fitting { coarsening: 6, starts: 2, ..Fitting::new("ggx", &*metric) };
+        let count = std::sync::atomic::AtomicUsize::new(0);
+        let watch = |_: &str, _| {
+            if count.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= after {
+                fitting.interrupt.raise();
+            }
+        };
+        let fitted = fitting.run(&reference, &watch).expect("the best so far");
+        assert_eq!(fitted.stop, StopReason::Interrupted, "{name} {after}");
+        assert!(fitted.value.is_finite() && fitted.value <= fitted.value_at_start, "{name} {after}");
+        assert!(count.into_inner() < after + 200, "{name} {after}");
+    }
+}
+
+/// What of a reference is no reflectance leaves nothing to fit, and nothing to converge to.
+#[test]
+fn a_loss_that_no_parameter_changes_is_flat() {
+    let good = table("ggx", &GGX);
+    let mut values = good.values().to_vec();
+    let middle = values.len() / 2;
+    values[middle..middle + 180].fill([1e30; 3]);
+    let spoilt = TabulatedBrdf::new(good.grid(), values, good.valid().to_vec()).expect("a table");
+    for (method, name) in Method::ALL.into_iter().zip(["D4.Cl", "D3.Cl", "D4.Cl"]) {
+        let metric = metric(name);
+        let fitted = fit(&Fitting { coarsening: 9, method, ..Fitting::new("ggx", &*metric) }, &spoilt);
+        assert_eq!(fitted.stop, StopReason::Flat, "{method} {name}: {} {}", fitted.value_at_start, fitted.value);
+    }
+    // From a minimum nothing moves, which is another matter.
+    let metric = metric("D4.Cl");
+    let found = fit(&Fitting { coarsening: 9, ..Fitting::new("ggx", &*metric) }, &good);
+    assert_eq!(found.stop, StopReason::Converged);
+}
+
 #[test]
 fn a_search_that_ends_early_keeps_its_best() {
     let reference = table("ggx", &GGX);
@@ -168,6 +316,8 @@ fn what_cannot_be_fitted_says_why() {
     assert!(error.contains("the metric vernis has none"), "{error}");
     let error = refused(&Fitting { starts: 0, ..Fitting::new("ggx", &*d4) }, &reference).to_string();
     assert_eq!(error, "starts is 0; it must be 1 to 1000");
+    let error = refused(&Fitting { coarsening: 16, ..Fitting::new("ggx", &*d4) }, &reference).to_string();
+    assert!(error.starts_with("coarsening is 16; it must be 1 to 15"), "{error}");
     let outside = Fitting { start: Some(Start::Parameters(vec![2.0; 7])), ..Fitting::new("ggx", &*d4) };
     assert!(refused(&outside, &reference).to_string().contains("ggx: kd.r is 2; it must be 0 to 1"));
     assert!("newton".parse::<Method>().unwrap_err().to_string().contains("hooke-jeeves, nelder-mead, lbfgs"));

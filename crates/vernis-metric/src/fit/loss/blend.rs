@@ -29,4 +29,8 @@ impl Loss for Blend<'_> {
     fn value(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError> {
         Ok((1.0 - self.t) * self.scale * self.a.value(candidate)? + self.t * self.b.value(candidate)?)
     }
+
+    fn refusal(&self, candidate: &dyn AnalyticBrdf) -> Option<MetricError> {
+        self.b.refusal(candidate)
+    }
 }

@@ -9,8 +9,8 @@
 
 use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
 use crate::math::{Rgb, Vec3};
-use crate::metric::MetricError;
 use crate::metric::lp::{AZIMUTHS, POLAR};
+use crate::metric::{MetricError, Side};
 use rayon::prelude::*;
 
 /// Within this angle between half vector and normal, degrees, no cell is left out.
@@ -47,7 +47,7 @@ impl Lattice {
         let source: &dyn Brdf = match reference.as_table() {
             // As the metrics read it, axis by axis. A table in other coordinates is read by direction, as its own `eval` does.
             Some(table) if table.grid() != Grid::TITOPO && matches!(table.grid(), Grid::Standard { .. }) => {
-                let unusable = |e: TableError| MetricError::Unusable { side: "reference", reason: e.to_string() };
+                let unusable = |e: TableError| MetricError::Unusable { side: Side::Reference, reason: e.to_string() };
                 converted = table.resampled(Grid::TITOPO).map_err(unusable)?;
                 &converted
             }
@@ -59,7 +59,7 @@ impl Lattice {
         let rows = blocks.par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
         let samples = rows.concat();
         if samples.iter().all(|s| s.count == [0.0; 2]) {
-            return Err(MetricError::NoValidCell { side: "reference" });
+            return Err(MetricError::NoValidCell { side: Side::Reference });
         }
         Ok(Self { samples, directions })
     }
@@ -188,7 +188,7 @@ fn sampled(
             let Some(value) = value else { continue };
             if value.iter().any(|v| !v.is_finite() || *v < 0.0) {
                 let reason = format!("a value is {value:?}; it must be finite and not negative");
-                return Err(MetricError::Unusable { side: "reference", reason });
+                return Err(MetricError::Unusable { side: Side::Reference, reason });
             }
             sample.reference[side] = value;
             sample.count[side] = if side == 1 && own_mirror { 0.0 } else { cells as f32 };

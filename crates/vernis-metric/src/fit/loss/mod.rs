@@ -19,13 +19,19 @@ pub use prepared::MetricLoss;
 use crate::brdf::models::{AnalyticBrdf, DifferentiableBrdf};
 use crate::metric::MetricError;
 
-/// A function of a candidate. Infinite where the candidate is beyond what the metric can compare.
+/// A function of a candidate. Infinite where the metric refuses the candidate for its values
+/// ([`MetricError::is_about_candidate_values`]).
 pub trait Loss: Send + Sync {
     /// What its values are, for messages.
     fn name(&self) -> &str;
 
     /// The loss of `candidate`.
     fn value(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError>;
+
+    /// Why the loss of `candidate` is infinite, where the metric says so.
+    fn refusal(&self, _candidate: &dyn AnalyticBrdf) -> Option<MetricError> {
+        None
+    }
 
     /// The loss with its gradient, if it has one.
     fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
@@ -45,7 +51,7 @@ pub trait DifferentiableLoss: Loss {
 /// A candidate that the metric refuses is no fault of anybody: a search merely has to turn round.
 fn or_infinite(value: Result<f64, MetricError>) -> Result<f64, MetricError> {
     match value {
-        Err(MetricError::Unusable { side: "candidate", .. } | MetricError::NotFinite { .. }) => Ok(f64::INFINITY),
+        Err(error) if error.is_about_candidate_values() => Ok(f64::INFINITY),
         other => other,
     }
 }

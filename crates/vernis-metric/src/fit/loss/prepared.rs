@@ -32,6 +32,10 @@ impl Loss for MetricLoss {
         or_infinite(self.prepared.loss(candidate))
     }
 
+    fn refusal(&self, candidate: &dyn AnalyticBrdf) -> Option<MetricError> {
+        self.prepared.loss(candidate).err()
+    }
+
     fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
         self.prepared.as_differentiable().map(|_| self as &dyn DifferentiableLoss)
     }

@@ -20,7 +20,7 @@
 //! channels of a material are one point, and the prior as above.
 
 use super::super::FitError;
-use super::super::optimizer::{Limits, Method, Objective, StopReason, minimise};
+use super::super::optimizer::{Limits, Method, Objective, StopReason, minimise, unwatched};
 use super::ManifoldError;
 use super::linear::Linear;
 use crate::math::cholesky::Cholesky;
@@ -32,7 +32,7 @@ const DIMENSION: usize = 4;
 const JITTER: f64 = 1e-6;
 /// Points stay within this box.
 const BOUND: f64 = 10.0;
-const LIMITS: Limits = Limits { max_evaluations: 1000, step: 0.1, tolerance: 1e-6 };
+const LIMITS: Limits = Limits { max_evaluations: 1000, step: 0.1, tolerance: 1e-6, gain: 1e-10 };
 
 #[derive(Debug, Clone)]
 pub(super) struct Latent {
@@ -61,7 +61,8 @@ impl Latent {
             (0..n * dimension).map(|at| components[[at / dimension, at % dimension]] / scale(at % dimension)).collect();
         let likelihood = Likelihood { products, dimension, bounds: vec![(-BOUND, BOUND); n * dimension] };
         let failed = |reason: String| ManifoldError::Search { reason };
-        let found = minimise(Method::Lbfgs, &likelihood, &start, LIMITS, &|_| ()).map_err(|e| failed(e.to_string()))?;
+        let found =
+            minimise(Method::Lbfgs, &likelihood, &start, LIMITS, &unwatched).map_err(|e| failed(e.to_string()))?;
         let coordinates = Array2::from_shape_fn((n, dimension), |(i, k)| found.x[i * dimension + k]);
         let factor = Cholesky::new(covariance(&found.x, dimension).view(), JITTER)
             .ok_or_else(|| failed("two references have the same point".to_owned()))?;

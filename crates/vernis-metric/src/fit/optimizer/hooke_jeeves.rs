@@ -1,24 +1,28 @@
 //! Pattern search: try a step up and down along each variable in turn, then repeat what helped as one jump.
 //!
 //! From the base point b with step h: explore around b to p. While p is better, jump to 2 p - b, explore around it, and let p
-//! be the new base. When nothing helps, halve h; end when h falls below the tolerance.
+//! be the new base. When a round of steps gains less than the given share of the value, halve h; end when h falls below the
+//! tolerance.
 //!
 //! Source: Hooke & Jeeves 1961, doi:10.1145/321062.321069. Differences: points beyond a bound are moved onto it; a variable
-//! is tried first in the direction that helped last. Cost: up to two evaluations a variable and step.
+//! is tried first in the direction that helped last; a round that gains a little moves the base, but is not repeated at the same
+//! step. Cost: up to two evaluations a variable and step.
 
 use super::{Halt, Run, StopReason};
-
-/// A gain below this share of the value is rounding.
-const GAIN: f64 = 1e-10;
 
 pub(super) fn search(run: &mut Run<'_>, start: Vec<f64>) -> Result<StopReason, Halt> {
     let mut base_value = run.value(&start)?;
     let mut base = start;
     let mut step = run.limits.step;
     let mut signs = vec![1.0; base.len()];
+    let gain = run.limits.gain;
+    let improves = |value: f64, than: f64| value < than - gain * than.abs();
     while step >= run.limits.tolerance {
         let (mut point, mut value) = explore(run, base.clone(), base_value, step, &mut signs)?;
         if !improves(value, base_value) {
+            if value < base_value {
+                (base, base_value) = (point, value);
+            }
             step *= 0.5;
             continue;
         }
@@ -28,12 +32,11 @@ pub(super) fn search(run: &mut Run<'_>, start: Vec<f64>) -> Result<StopReason, H
             let jumped = run.value(&jump)?;
             (point, value) = explore(run, jump, jumped, step, &mut signs)?;
         }
+        if value < base_value {
+            (base, base_value) = (point, value);
+        }
     }
     Ok(StopReason::Converged)
-}
-
-fn improves(value: f64, than: f64) -> bool {
-    value < than - GAIN * than.abs()
 }
 
 /// The point reached from `x` by one step along each variable that lowers the value.

@@ -5,7 +5,11 @@
 //! no bounds (the L-BFGS and the simplex of `argmin`), or wraps another language.
 //!
 //! An optimiser sees its function through a `Run`, which counts evaluations, remembers the best point whatever happens
-//! afterwards, and ends the search when the evaluations are spent. An evaluation of value and gradient counts as one.
+//! afterwards, and ends the search when the evaluations are spent or the observer says so. An evaluation of value and gradient
+//! counts as one.
+//!
+//! A search that ends where nothing it tried changed the value by a millionth, steps of the first length along every variable
+//! included, has found no minimum: the function is flat as far as it can tell ([`StopReason::Flat`]).
 
 mod hooke_jeeves;
 mod lbfgs;
@@ -14,7 +18,11 @@ mod nelder_mead;
 use super::FitError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::ops::ControlFlow;
 use std::str::FromStr;
+
+/// Values that differ by less than this share are the same for a search.
+pub const FLAT: f64 = 1e-6;
 
 /// What is minimised: a function over a box. Infinity marks points where it has no value.
 pub trait Objective: Sync {
@@ -78,12 +86,18 @@ impl FromStr for Method {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum StopReason {
-    /// Steps, simplex or projected gradient fell below the tolerance.
+    /// Steps, simplex or projected gradient fell below the tolerance, or a whole round of steps gained next to nothing.
     Converged,
     /// No step along the descent direction lowers the value any more, though the gradient does not vanish.
     NoDescent,
+    /// No step from the start lowers the value: the start is a minimum already, as far as the method can tell.
+    NothingMoved,
+    /// No step changes the value by a millionth: it does not depend on the variables, and the result means nothing.
+    Flat,
     /// The evaluations were spent first.
     EvaluationLimit,
+    /// Somebody wished it to end.
+    Interrupted,
     /// A closed form or a convex programme: there is nothing to converge.
     Direct,
 }
@@ -91,7 +105,7 @@ pub enum StopReason {
 impl StopReason {
     /// Whether the result is a minimum as far as the method can tell.
     pub fn is_success(self) -> bool {
-        self != Self::EvaluationLimit
+        !matches!(self, Self::EvaluationLimit | Self::Flat | Self::Interrupted)
     }
 
     /// The name that fit files use, such as `evaluation-limit`.
@@ -99,7 +113,10 @@ impl StopReason {
         match self {
             Self::Converged => "converged",
             Self::NoDescent => "no-descent",
+            Self::NothingMoved => "nothing-moved",
+            Self::Flat => "flat",
             Self::EvaluationLimit => "evaluation-limit",
+            Self::Interrupted => "interrupted",
             Self::Direct => "direct",
         }
     }
@@ -114,6 +131,8 @@ pub struct Limits {
     pub step: f64,
     /// Steps below this are not worth another evaluation.
     pub tolerance: f64,
+    /// Of Hooke-Jeeves: a round of steps that gains less than this share of the value is not worth another one at the same step.
+    pub gain: f64,
 }
 
 /// An improvement on the way.
@@ -140,8 +159,13 @@ pub struct Outcome {
     pub history: Vec<Improvement>,
 }
 
-/// Called with the evaluations so far.
-pub type Observer<'a> = &'a (dyn Fn(usize) + Sync);
+/// Called with the evaluations so far; a search ends where the answer is [`ControlFlow::Break`], after its first evaluation.
+pub type Observer<'a> = &'a (dyn Fn(usize) -> ControlFlow<()> + Sync);
+
+/// The observer of a search that nobody watches.
+pub fn unwatched(_evaluations: usize) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
 
 /// Minimises `objective` from `start`, which is moved into the box first.
 ///
@@ -161,9 +185,11 @@ pub fn minimise(
         Method::NelderMead => nelder_mead::search,
         Method::Lbfgs => lbfgs::search,
     };
-    let stop = match search(&mut run, start) {
+    let found = search(&mut run, start).and_then(|stop| if run.is_flat()? { Ok(StopReason::Flat) } else { Ok(stop) });
+    let stop = match found {
         Ok(stop) => stop,
         Err(Halt::Spent) => StopReason::EvaluationLimit,
+        Err(Halt::Interrupted) => StopReason::Interrupted,
         Err(Halt::Failed(error)) => return Err(*error),
     };
     if !run.best_value.is_finite() {
@@ -173,9 +199,24 @@ pub fn minimise(
     Ok(Outcome { x, value, stop, evaluations, history })
 }
 
+/// Whether no step of length `step` along a variable changes the value at `x` by a millionth.
+///
+/// # Errors
+/// Those of the objective.
+pub fn is_flat_around(objective: &dyn Objective, x: &[f64], step: f64) -> Result<bool, FitError> {
+    let limits = Limits { max_evaluations: usize::MAX, step, tolerance: 0.0, gain: 0.0 };
+    let mut run = Run::new(objective, limits, &unwatched);
+    match run.value(x).and_then(|_| run.is_flat()) {
+        Ok(flat) => Ok(flat),
+        Err(Halt::Failed(error)) => Err(*error),
+        Err(Halt::Spent | Halt::Interrupted) => Ok(false),
+    }
+}
+
 /// Why an optimiser must stop in the middle of its work.
 enum Halt {
     Spent,
+    Interrupted,
     Failed(Box<FitError>),
 }
 
@@ -187,13 +228,26 @@ struct Run<'a> {
     evaluations: usize,
     best: Vec<f64>,
     best_value: f64,
+    /// The first finite value, and the largest share of it by which another one differs.
+    first: Option<f64>,
+    spread: f64,
     history: Vec<Improvement>,
 }
 
 impl<'a> Run<'a> {
     fn new(objective: &'a dyn Objective, limits: Limits, observer: Observer<'a>) -> Self {
         let best = vec![0.0; objective.bounds().len()];
-        Self { objective, limits, observer, evaluations: 0, best, best_value: f64::INFINITY, history: Vec::new() }
+        Self {
+            objective,
+            limits,
+            observer,
+            evaluations: 0,
+            best,
+            best_value: f64::INFINITY,
+            first: None,
+            spread: 0.0,
+            history: Vec::new(),
+        }
     }
 
     /// The point of the box next to `x`.
@@ -222,14 +276,41 @@ impl<'a> Run<'a> {
         if self.evaluations >= self.limits.max_evaluations {
             return Err(Halt::Spent);
         }
+        // The first evaluation is always made: it is the best so far.
+        let told = (self.observer)(self.evaluations + 1);
+        if told.is_break() && self.evaluations > 0 {
+            return Err(Halt::Interrupted);
+        }
         self.evaluations += 1;
-        (self.observer)(self.evaluations);
         Ok(())
+    }
+
+    /// Whether nothing that was tried changed the value, nor does a first step along any variable. Zero is a minimum of any loss.
+    fn is_flat(&mut self) -> Result<bool, Halt> {
+        if self.spread >= FLAT || self.best_value == 0.0 || !self.best_value.is_finite() {
+            return Ok(false);
+        }
+        let (best, bounds) = (self.best.clone(), self.objective.bounds());
+        for (k, &(low, high)) in bounds.iter().enumerate() {
+            for sign in [1.0, -1.0] {
+                let mut there = best.clone();
+                there[k] = (best[k] + sign * self.limits.step).clamp(low, high);
+                if there[k] != best[k] && (self.value(&there)?.is_infinite() || self.spread >= FLAT) {
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
     }
 
     /// Keeps the best point. A NaN counts as no value.
     fn note(&mut self, x: &[f64], value: f64) -> f64 {
         let value = if value.is_nan() { f64::INFINITY } else { value };
+        if value.is_finite() {
+            let first = *self.first.get_or_insert(value);
+            let share = if value == first { 0.0 } else { ((value - first) / first).abs() };
+            self.spread = self.spread.max(share);
+        }
         if value < self.best_value {
             (self.best, self.best_value) = (x.to_vec(), value);
             self.history.push(Improvement { evaluations: self.evaluations, value });

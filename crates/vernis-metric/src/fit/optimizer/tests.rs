@@ -43,10 +43,10 @@ fn bowl(bounds: (f64, f64)) -> Function {
     }
 }
 
-const LIMITS: Limits = Limits { max_evaluations: 20_000, step: 0.5, tolerance: 1e-7 };
+const LIMITS: Limits = Limits { max_evaluations: 20_000, step: 0.5, tolerance: 1e-7, gain: 1e-10 };
 
 fn run(method: Method, function: &Function, start: &[f64]) -> Outcome {
-    minimise(method, function, start, LIMITS, &|_| ()).expect("finite")
+    minimise(method, function, start, LIMITS, &unwatched).expect("finite")
 }
 
 #[test]
@@ -85,9 +85,52 @@ fn the_best_point_is_kept_when_the_evaluations_are_spent() {
     let function = rosenbrock([(-5.0, 5.0); 2]);
     for method in Method::ALL {
         let limits = Limits { max_evaluations: 12, ..LIMITS };
-        let found = minimise(method, &function, &[-1.2, 1.0], limits, &|_| ()).expect("finite");
+        let found = minimise(method, &function, &[-1.2, 1.0], limits, &unwatched).expect("finite");
         assert_eq!((found.stop, found.evaluations), (StopReason::EvaluationLimit, 12), "{method}");
         assert!(found.value < 24.2 && found.value == (function.value)(&found.x), "{method}");
+    }
+}
+
+/// A function that does not depend on its variables, to a millionth, has no minimum to converge to; one with a minimum at the start
+/// has.
+#[test]
+fn a_flat_function_is_told_from_a_minimum() {
+    let mut function = bowl((-5.0, 5.0));
+    let minimum: Vec<f64> = (1..=6).map(|k| 0.25 * f64::from(k)).collect();
+    for (flat, value) in [
+        (true, (|_| 3.0) as fn(&[f64]) -> f64),
+        (true, |x| 2e26 + x[0] * x[0]),
+        (false, |x| 1.0 + x.iter().zip(1..).map(|(x, k)| (x - 0.25 * f64::from(k)).powi(2)).sum::<f64>()),
+        (false, |x| x[5].abs() * 1e-3 + 7.0),
+        (false, |_| 0.0),
+    ] {
+        function.value = value;
+        function.gradient = |x| {
+            let value =
+                |x: &[f64]| 1.0 + x.iter().zip(1..).map(|(x, k)| (x - 0.25 * f64::from(k)).powi(2)).sum::<f64>();
+            let moved = |k: usize, h: f64| {
+                value(&x.iter().enumerate().map(|(i, x)| x + if i == k { h } else { 0.0 }).collect::<Vec<_>>())
+            };
+            let slope = |k: usize| (moved(k, 1e-6) - moved(k, -1e-6)) / 2e-6;
+            (0..x.len()).map(|k| 1e-3 * slope(k)).collect()
+        };
+        for method in Method::ALL {
+            let found = run(method, &function, &minimum);
+            assert_eq!(found.stop == StopReason::Flat, flat, "{method}: {:?} {}", found.stop, found.value);
+        }
+    }
+}
+
+#[test]
+fn a_search_that_is_interrupted_keeps_its_best_and_makes_one_evaluation_at_least() {
+    let function = rosenbrock([(-5.0, 5.0); 2]);
+    for method in Method::ALL {
+        for (allowed, expected) in [(0, 1), (1, 1), (9, 9)] {
+            let watched = |n: usize| if n > allowed { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            let found = minimise(method, &function, &[-1.2, 1.0], LIMITS, &watched).expect("finite");
+            assert_eq!((found.stop, found.evaluations), (StopReason::Interrupted, expected), "{method}");
+            assert!(found.value <= 24.21 && found.value == (function.value)(&found.x), "{method}");
+        }
     }
 }
 
@@ -100,7 +143,7 @@ fn a_start_without_a_value_is_refused_and_a_start_outside_is_moved() {
     function.bounds = vec![(0.5, 2.0); 6];
     function.value = |_| f64::NAN;
     for method in Method::ALL {
-        let error = minimise(method, &function, &[1.0; 6], LIMITS, &|_| ()).expect_err("no value anywhere");
+        let error = minimise(method, &function, &[1.0; 6], LIMITS, &unwatched).expect_err("no value anywhere");
         assert!(error.to_string().contains("no finite value"), "{error}");
     }
 }

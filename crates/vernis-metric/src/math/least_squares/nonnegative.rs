@@ -3,7 +3,7 @@
 //! A set of active columns grows by the one that promises most, and the unconstrained solution of the set is taken; where
 //! that would turn some negative, the step ends at the first zero and that column leaves. Source: Lawson & Hanson, *Solving
 //! Least Squares Problems*, 1974, algorithm NNLS (23.10), doi:10.1137/1.9781611971217. Cost: O(m n) a step for m columns of
-//! n numbers, and O(n^3).
+//! n numbers, and O(n^3). Columns are scaled to one length first; one of zeros shortens nothing and never becomes active.
 
 use super::{Span, dot};
 
@@ -14,8 +14,12 @@ const DEPENDENT: f64 = 1e-13;
 /// A gain below this, in units of the target, is rounding.
 const NO_GAIN: f64 = 1e-12;
 
-/// The residual sum u_j e_j - target of the solution; `None` if the active set does not settle.
+/// The residual sum u_j e_j - target of the solution; `None` if the active set does not settle, or a number is not finite.
 pub fn nonnegative_residual(columns: &[Vec<f64>], target: &[f64]) -> Option<Vec<f64>> {
+    if !columns.iter().flatten().chain(target).all(|x| x.is_finite()) {
+        return None;
+    }
+    let columns: Vec<Vec<f64>> = columns.iter().filter_map(|column| unit(column)).collect();
     let mut active: Vec<usize> = Vec::new();
     let mut u: Vec<f64> = Vec::new();
     for _ in 0..STEPS * target.len() {
@@ -23,22 +27,28 @@ pub fn nonnegative_residual(columns: &[Vec<f64>], target: &[f64]) -> Option<Vec<
         for (&j, u) in active.iter().zip(&u) {
             rest.iter_mut().zip(&columns[j]).for_each(|(r, c)| *r -= u * c);
         }
-        let gain = |j: usize| dot(&columns[j], &rest) / dot(&columns[j], &columns[j]).sqrt();
         let open = (0..columns.len()).filter(|j| !active.contains(j));
-        let best = open.map(|j| (gain(j), j)).max_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((gain, entering)) = best.filter(|(gain, _)| *gain > NO_GAIN) else {
+        let best = open.map(|j| (dot(&columns[j], &rest), j)).max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, entering)) = best.filter(|(gain, _)| *gain > NO_GAIN) else {
             return Some(rest.into_iter().map(|r| -r).collect());
         };
-        debug_assert!(gain.is_finite());
         active.push(entering);
         u.push(0.0);
-        settle(columns, target, &mut active, &mut u);
+        settle(&columns, target, &mut active, &mut u);
         // A column that cannot enter for rounding would be tried for ever.
         if !active.contains(&entering) {
             return Some(rest.into_iter().map(|r| -r).collect());
         }
     }
     None
+}
+
+/// The column at length 1; `None` for one of zeros. The largest entry comes out first, so that squares neither vanish nor overflow.
+fn unit(column: &[f64]) -> Option<Vec<f64>> {
+    let largest = column.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let scaled: Vec<f64> = column.iter().map(|x| x / largest).collect();
+    let length = dot(&scaled, &scaled).sqrt();
+    (largest > 0.0).then(|| scaled.iter().map(|x| x / length).collect())
 }
 
 /// Solves for the active columns and drops those that would turn negative, until none does.
@@ -87,6 +97,27 @@ mod tests {
         assert!((found - 0.5f64.sqrt()).abs() < 1e-14, "{found}");
         let found = norm(&[vec![1.0, 1.0, 0.0], vec![-1.0, -1.0, 1.0]], &[1.0, 0.0, -1.0]);
         assert!((found - 1.5f64.sqrt()).abs() < 1e-14, "{found}");
+    }
+
+    /// A column of zeros, wherever it stands, changes nothing; nor does one whose squares vanish or overflow in f64.
+    #[test]
+    fn columns_of_zeros_change_nothing() {
+        let columns = [vec![1.0, 1.0, 0.0], vec![0.0, 0.0, 1.0]];
+        let y = [2.0, 1.0, 1.0];
+        let expected = nonnegative_residual(&columns, &y).unwrap();
+        for place in 0..3 {
+            let mut with = columns.to_vec();
+            with.insert(place, vec![0.0; 3]);
+            assert_eq!(nonnegative_residual(&with, &y).unwrap(), expected, "{place}");
+        }
+        assert_eq!(nonnegative_residual(&[vec![0.0; 3]], &y).unwrap(), y.map(|y| -y));
+        for scale in [1e-200, 1e200] {
+            let scaled: Vec<Vec<f64>> = columns.iter().map(|c| c.iter().map(|x| scale * x).collect()).collect();
+            let found = nonnegative_residual(&scaled, &y).unwrap();
+            assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{scale}: {found:?}");
+        }
+        assert_eq!(nonnegative_residual(&[vec![f64::NAN, 1.0, 0.0]], &y), None);
+        assert_eq!(nonnegative_residual(&[vec![1.0, f64::INFINITY, 0.0]], &y), None);
     }
 
     /// Karush, Kuhn and Tucker: no column can shorten the residual r any more, e_j . r >= 0, and r is orthogonal to its own

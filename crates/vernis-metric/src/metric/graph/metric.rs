@@ -3,7 +3,7 @@
 use super::{CosineTable, GraphGrid};
 use crate::brdf::Brdf;
 use crate::metric::{
-    DifferentiableMetric, Measured, Metric, MetricError, PreparedMetric, PreparedShare, Share, TableGradient,
+    DifferentiableMetric, Measured, Metric, MetricError, PreparedMetric, PreparedShare, Share, Side, TableGradient,
 };
 use std::sync::Arc;
 
@@ -87,7 +87,7 @@ struct Together {
 
 fn together(metrics: Vec<Arc<dyn GraphMetric>>, reference: &dyn Brdf) -> Result<Box<dyn PreparedShare>, MetricError> {
     let grid = metrics.first().map_or(GraphGrid::STUDY, |metric| metric.grid());
-    let table = Arc::new(CosineTable::of(reference, grid, "reference")?);
+    let table = Arc::new(CosineTable::of(reference, grid, Side::Reference)?);
     let prepare = |metric: Arc<dyn GraphMetric>| {
         let prepared = metric.prepare_table(table.clone())?;
         Ok((metric, prepared))
@@ -97,7 +97,7 @@ fn together(metrics: Vec<Arc<dyn GraphMetric>>, reference: &dyn Brdf) -> Result<
 
 impl PreparedShare for Together {
     fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError> {
-        let table = CosineTable::of(candidate, self.grid, "candidate")?;
+        let table = CosineTable::of(candidate, self.grid, Side::Candidate)?;
         self.prepared.iter().map(|(metric, prepared)| measured(&**metric, prepared.channels(&table)?)).collect()
     }
 }
@@ -145,13 +145,13 @@ impl PreparedGraph {
     /// # Errors
     /// A reference without a valid cell on the metric's grid, and those of [`GraphMetric::prepare_table`].
     pub fn new(metric: Arc<dyn GraphMetric>, reference: &dyn Brdf) -> Result<Self, MetricError> {
-        let table = CosineTable::of(reference, metric.grid(), "reference")?;
+        let table = CosineTable::of(reference, metric.grid(), Side::Reference)?;
         let reference = metric.prepare_table(Arc::new(table))?;
         Ok(Self { metric, reference })
     }
 
     fn candidate(&self, candidate: &dyn Brdf) -> Result<CosineTable, MetricError> {
-        CosineTable::of(candidate, self.metric.grid(), "candidate")
+        CosineTable::of(candidate, self.metric.grid(), Side::Candidate)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::GraphGrid;
 use super::spline::{resample, resample_mask};
 use crate::brdf::{Anchor, Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
-use crate::metric::MetricError;
+use crate::metric::{MetricError, Side};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
@@ -82,12 +82,12 @@ impl CommonCells {
 }
 
 impl CosineTable {
-    /// `brdf` on `grid`; `side` (`"reference"` or `"candidate"`) is what errors name.
+    /// `brdf` on `grid`; `side` is what errors name.
     ///
     /// # Errors
     /// [`MetricError::Unusable`] for a value that is negative or not finite, [`MetricError::NoValidCell`] for a BRDF without
     /// any measurement on the grid.
-    pub fn of(brdf: &dyn Brdf, grid: GraphGrid, side: &'static str) -> Result<Self, MetricError> {
+    pub fn of(brdf: &dyn Brdf, grid: GraphGrid, side: Side) -> Result<Self, MetricError> {
         let table = match brdf.as_table() {
             Some(table) => Self::resampled(table, grid, side)?,
             None => Self::evaluated(brdf, grid, side)?,
@@ -136,7 +136,7 @@ impl CosineTable {
         Ok(CommonCells { mask: (count < self.grid.len()).then(|| both().collect()), count })
     }
 
-    fn evaluated(brdf: &dyn Brdf, grid: GraphGrid, side: &'static str) -> Result<Self, MetricError> {
+    fn evaluated(brdf: &dyn Brdf, grid: GraphGrid, side: Side) -> Result<Self, MetricError> {
         let [rows, _, _] = grid.shape();
         let directions = grid.cells().all_directions();
         let row = |i| evaluate_row(brdf, grid, &directions, i, side);
@@ -152,7 +152,7 @@ impl CosineTable {
         Ok(table)
     }
 
-    fn resampled(table: &TabulatedBrdf, grid: GraphGrid, side: &'static str) -> Result<Self, MetricError> {
+    fn resampled(table: &TabulatedBrdf, grid: GraphGrid, side: Side) -> Result<Self, MetricError> {
         let unusable = |error: TableError| MetricError::Unusable { side, reason: error.to_string() };
         let converted;
         let table = match table.grid() {
@@ -200,7 +200,7 @@ fn evaluate_row(
     grid: GraphGrid,
     directions: &GridDirections,
     i: usize,
-    side: &'static str,
+    side: Side,
 ) -> Result<Vec<Option<[f64; 3]>>, MetricError> {
     let [_, polar, azimuths] = grid.shape();
     // Where the two halves of a circle are the same, cells k and azimuths - 1 - k are, and the first half is enough.
@@ -277,7 +277,7 @@ mod tests {
     fn a_formula_is_evaluated_at_the_centres() {
         let brdf = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.3).unwrap();
         for grid in [grid("6x5x24"), grid("5x6x7")] {
-            let table = CosineTable::of(&brdf, grid, "reference").unwrap();
+            let table = CosineTable::of(&brdf, grid, Side::Reference).unwrap();
             let directions = grid.cells().all_directions();
             for cell in 0..grid.len() {
                 let (wi, wo) = directions.get(cell);
@@ -292,7 +292,7 @@ mod tests {
     #[test]
     fn a_table_on_the_same_grid_is_taken_as_it_is() {
         let source = table(Grid::Standard { theta_i: 6, theta_o: 5, phi_d: 24, anchor: Anchor::Edge }, &[]);
-        let found = CosineTable::of(&source, grid("6x5x24"), "reference").unwrap();
+        let found = CosineTable::of(&source, grid("6x5x24"), Side::Reference).unwrap();
         for cell in 0..source.values().len() {
             let cosine = (cell / (5 * 24)) as f64 * 15.0;
             let expected = f64::from(source.values()[cell][1]) * cosine.to_radians().cos();
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn a_fine_table_stands_half_a_source_cell_below_the_centres() {
         let fine = table(Grid::TITOPO, &[]);
-        let found = CosineTable::of(&fine, GraphGrid::STUDY, "reference").unwrap();
+        let found = CosineTable::of(&fine, GraphGrid::STUDY, Side::Reference).unwrap();
         let brdf = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.4).unwrap();
         // theta_i index 10 of 45 reads 20.5 of the 90 rows, the values at 20.5 degrees; its centre is at 21.
         for (i, o, k) in [(10usize, 12usize, 90usize), (4, 30, 20), (30, 5, 100)] {
@@ -324,7 +324,7 @@ mod tests {
         };
         let holes = [&around([2, 2, 30])[..2], &around([4, 6, 20])].concat();
         let (whole, holed) = (table(source, &[]), table(source, &holes));
-        let of = |table: &TabulatedBrdf| CosineTable::of(table, grid("6x6x24"), "reference").unwrap();
+        let of = |table: &TabulatedBrdf| CosineTable::of(table, grid("6x6x24"), Side::Reference).unwrap();
         let (whole, holed) = (of(&whole), of(&holed));
         let cell = (2 * 6 + 3) * 24 + 10;
         assert_eq!(holed.valid().iter().filter(|v| !**v).count(), 1);
@@ -354,7 +354,7 @@ mod tests {
     #[test]
     fn what_cannot_be_compared_is_refused() {
         let lambert = Lambert::new([0.5; 3]).unwrap();
-        let on = |g| CosineTable::of(&lambert, grid(g), "reference").unwrap();
+        let on = |g| CosineTable::of(&lambert, grid(g), Side::Reference).unwrap();
         let error = on("6x6x24").common_cells(&on("9x9x36"), "ot").unwrap_err().to_string();
         assert_eq!(
             error,
@@ -362,7 +362,7 @@ mod tests {
         );
         let half = table(Grid::TITOPO_HALF, &[]);
         let full = table(Grid::TITOPO, &[]);
-        let of = |t: &TabulatedBrdf| CosineTable::of(t, GraphGrid::STUDY, "reference").unwrap();
+        let of = |t: &TabulatedBrdf| CosineTable::of(t, GraphGrid::STUDY, Side::Reference).unwrap();
         let error = of(&half).common_cells(&of(&full), "ot").unwrap_err().to_string();
         assert!(error.contains("a table of 45x45x180 and a table of 90x90x360"), "{error}");
         assert!(of(&full).common_cells(&on("45x45x180"), "ot").is_ok());
@@ -371,7 +371,7 @@ mod tests {
         let mut valid = vec![false; source.len()];
         valid[0] = true;
         let lone = TabulatedBrdf::new(source, vec![[1.0; 3]; source.len()], valid).unwrap();
-        let error = CosineTable::of(&lone, grid("4x4x16"), "candidate").unwrap_err();
-        assert_eq!(error, MetricError::NoValidCell { side: "candidate" });
+        let error = CosineTable::of(&lone, grid("4x4x16"), Side::Candidate).unwrap_err();
+        assert_eq!(error, MetricError::NoValidCell { side: Side::Candidate });
     }
 }

@@ -192,6 +192,7 @@ mod tests {
     use super::*;
     use crate::brdf::Brdf;
     use crate::brdf::models::{BlinnPhong, Ggx, Lambert, Ward, WardForm};
+    use crate::metric::Side;
     use crate::metric::graph::CosineTable;
 
     const ENERGY: Setting = Setting { kernel: Kernel::Energy, alpha: 0.1, tone: Tone::Cbrt };
@@ -205,7 +206,7 @@ mod tests {
     }
 
     fn table(brdf: &dyn Brdf, grid: &str) -> CosineTable {
-        CosineTable::of(brdf, grid.parse().unwrap(), "reference").unwrap()
+        CosineTable::of(brdf, grid.parse().unwrap(), Side::Reference).unwrap()
     }
 
     fn divergence(setting: Setting, a: &CosineTable, b: &CosineTable, direct: bool) -> f64 {

@@ -6,7 +6,7 @@ use super::exported::{ExportedError, ExportedMetric};
 use crate::brdf::Brdf;
 use crate::descriptor::{BrdfFeatures, Cache, CacheWarning, DescriptorOptions, Setup};
 use crate::io::read_at_most;
-use crate::metric::{Measured, Metric, MetricError, PreparedMetric, Properties, Score};
+use crate::metric::{Measured, Metric, MetricError, PreparedMetric, Properties, Score, Side};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -29,15 +29,8 @@ impl LearnedMetric {
         if exported.descriptors.setup == setup.id() {
             return Ok(Self { exported: Arc::new(exported), setup });
         }
-        Err(MetricError::Unusable {
-            side: "metric",
-            reason: format!(
-                "{} takes descriptors of setup {}, found {}",
-                exported.name,
-                exported.descriptors.setup,
-                setup.id()
-            ),
-        })
+        let reason = format!("it takes descriptors of setup {}, found {}", exported.descriptors.setup, setup.id());
+        Err(MetricError::NotComputed { metric: exported.name, reason })
     }
 
     /// Reads a `*.vernis.json` file whose descriptors need no light probe and no mesh.
@@ -83,26 +76,34 @@ impl LearnedMetric {
     }
 
     /// What depends on one BRDF alone; `side` names it in errors.
-    pub fn features(&self, brdf: &dyn Brdf, side: &'static str) -> Result<BrdfFeatures, MetricError> {
+    pub fn features(&self, brdf: &dyn Brdf, side: Side) -> Result<BrdfFeatures, MetricError> {
         BrdfFeatures::compute(brdf, &self.setup).map_err(|e| MetricError::Unusable { side, reason: e.to_string() })
     }
 
     /// Distance, mean opinion score and interval.
     pub fn score(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<Score, MetricError> {
         let raw = self.exported.descriptors.set.compare(reference, candidate, &self.setup);
-        self.exported.score(&raw).map_err(|e| MetricError::Unusable { side: "descriptors", reason: e.to_string() })
+        self.exported.score(&raw).map_err(|e| self.of_pair(&e))
     }
 
     /// The distance before it is cut off at zero ([`ExportedMetric::signed_distance`]).
     pub fn signed_distance(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<f64, MetricError> {
         let raw = self.exported.descriptors.set.compare(reference, candidate, &self.setup);
-        let failed = |e: ExportedError| MetricError::Unusable { side: "descriptors", reason: e.to_string() };
-        self.exported.signed_distance(&raw).map_err(failed)
+        self.exported.signed_distance(&raw).map_err(|e| self.of_pair(&e))
+    }
+
+    /// A number that is not finite is a matter of the two BRDFs; anything else, of the metric.
+    fn of_pair(&self, error: &ExportedError) -> MetricError {
+        let reason = error.to_string();
+        match error {
+            ExportedError::NotFinite { .. } => MetricError::Unusable { side: Side::Pair, reason },
+            _ => MetricError::NotComputed { metric: self.exported.name.clone(), reason },
+        }
     }
 
     /// As [`LearnedMetric::score`], from the BRDFs themselves.
     pub fn compare(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<Score, MetricError> {
-        self.score(&self.features(reference, "reference")?, &self.features(candidate, "candidate")?)
+        self.score(&self.features(reference, Side::Reference)?, &self.features(candidate, Side::Candidate)?)
     }
 }
 
@@ -129,7 +130,7 @@ impl Metric for LearnedMetric {
     }
 
     fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
-        Ok(Box::new(Prepared { metric: self.clone(), reference: self.features(reference, "reference")? }))
+        Ok(Box::new(Prepared { metric: self.clone(), reference: self.features(reference, Side::Reference)? }))
     }
 
     fn version(&self) -> &str {
@@ -157,11 +158,11 @@ impl PreparedMetric for Prepared {
     }
 
     fn measure(&self, candidate: &dyn Brdf) -> Result<Measured, MetricError> {
-        let score = self.metric.score(&self.reference, &self.metric.features(candidate, "candidate")?)?;
+        let score = self.metric.score(&self.reference, &self.metric.features(candidate, Side::Candidate)?)?;
         Ok(Measured { value: score.distance, channels: None, score: Some(score) })
     }
 
     fn loss(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        self.metric.signed_distance(&self.reference, &self.metric.features(candidate, "candidate")?)
+        self.metric.signed_distance(&self.reference, &self.metric.features(candidate, Side::Candidate)?)
     }
 }

@@ -3,7 +3,7 @@
 use super::{AZIMUTHS, POLAR};
 use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
 use crate::math::Rgb;
-use crate::metric::MetricError;
+use crate::metric::{MetricError, Side};
 use rayon::prelude::*;
 
 /// One channel of a block.
@@ -127,7 +127,7 @@ impl Cells for TabulatedBrdf {
 /// value, which differences of nearly equal BRDFs magnify.
 struct Evaluated<'a> {
     brdf: &'a dyn Brdf,
-    side: &'static str,
+    side: Side,
     directions: GridDirections,
 }
 
@@ -191,7 +191,7 @@ impl Cells for Samples {
 }
 
 /// The cells of a BRDF that is read once. A table on another grid is looked up at the cells of [`Grid::TITOPO`].
-pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: &'static str) -> Result<Box<dyn Cells + 'a>, MetricError> {
+pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: Side) -> Result<Box<dyn Cells + 'a>, MetricError> {
     match brdf.as_table() {
         Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table)),
         Some(table) => Ok(Box::new(resampled(table, side)?)),
@@ -200,7 +200,7 @@ pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: &'static str) -> Result<Box<dy
 }
 
 /// The cells of a BRDF that is read many times and outlives its source.
-pub(super) fn owned_cells(brdf: &dyn Brdf, side: &'static str) -> Result<Box<dyn Cells>, MetricError> {
+pub(super) fn owned_cells(brdf: &dyn Brdf, side: Side) -> Result<Box<dyn Cells>, MetricError> {
     match brdf.as_table() {
         Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table.clone())),
         Some(table) => Ok(Box::new(resampled(table, side)?)),
@@ -208,7 +208,7 @@ pub(super) fn owned_cells(brdf: &dyn Brdf, side: &'static str) -> Result<Box<dyn
     }
 }
 
-fn resampled(table: &TabulatedBrdf, side: &'static str) -> Result<TabulatedBrdf, MetricError> {
+fn resampled(table: &TabulatedBrdf, side: Side) -> Result<TabulatedBrdf, MetricError> {
     let unusable = |error: TableError| MetricError::Unusable { side, reason: error.to_string() };
     table.resampled(Grid::TITOPO).map_err(unusable)
 }

@@ -6,7 +6,7 @@ use super::pass::Sums;
 use super::variant::{Formula, LpVariant};
 use super::{FAMILY, LpDistances, LpReference, VERSION};
 use crate::brdf::Brdf;
-use crate::metric::{Measured, Metric, MetricError, PreparedMetric, PreparedShare, Properties, Share};
+use crate::metric::{Measured, Metric, MetricError, PreparedMetric, PreparedShare, Properties, Share, Side};
 
 /// One Lp variant. It computes only what its formula needs; [`super::LpDistances`] gives all at once.
 #[derive(Debug, Clone)]
@@ -72,11 +72,11 @@ impl Metric for LpMetric {
     }
 
     fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
-        Ok(Box::new(Prepared { metric: self.clone(), reference: owned_cells(reference, "reference")? }))
+        Ok(Box::new(Prepared { metric: self.clone(), reference: owned_cells(reference, Side::Reference)? }))
     }
 
     fn distance(&self, reference: &dyn Brdf, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        self.between(&*cells(reference, "reference")?, &*cells(candidate, "candidate")?)
+        self.between(&*cells(reference, Side::Reference)?, &*cells(candidate, Side::Candidate)?)
     }
 
     fn share(&self) -> Option<Share> {
@@ -91,7 +91,7 @@ struct Prepared {
 
 impl PreparedMetric for Prepared {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        self.metric.between(&*self.reference, &*cells(candidate, "candidate")?)
+        self.metric.between(&*self.reference, &*cells(candidate, Side::Candidate)?)
     }
 }
 

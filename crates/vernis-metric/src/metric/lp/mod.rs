@@ -44,7 +44,7 @@ pub use metric::LpMetric;
 pub use variant::{Formula, LpVariant, NotAnLpVariant};
 
 use crate::brdf::Brdf;
-use crate::metric::MetricError;
+use crate::metric::{MetricError, Side};
 use block::Cells;
 use kernel::Work;
 use pass::Sums;
@@ -75,7 +75,7 @@ impl LpReference {
     /// # Errors
     /// [`MetricError::Unusable`] where the BRDF has a value that is negative or not finite.
     pub fn new(reference: &dyn Brdf) -> Result<Self, MetricError> {
-        Ok(Self { cells: block::owned_cells(reference, "reference")? })
+        Ok(Self { cells: block::owned_cells(reference, Side::Reference)? })
     }
 }
 
@@ -112,7 +112,7 @@ impl LpDistances {
         candidate: &dyn Brdf,
         variants: &[LpVariant],
     ) -> Result<Self, MetricError> {
-        Self::of_cells(&*reference.cells, &*block::cells(candidate, "candidate")?, variants)
+        Self::of_cells(&*reference.cells, &*block::cells(candidate, Side::Candidate)?, variants)
     }
 
     fn of_variants(
@@ -120,7 +120,8 @@ impl LpDistances {
         candidate: &dyn Brdf,
         variants: impl Iterator<Item = LpVariant>,
     ) -> Result<Self, MetricError> {
-        let (reference, candidate) = (block::cells(reference, "reference")?, block::cells(candidate, "candidate")?);
+        let (reference, candidate) =
+            (block::cells(reference, Side::Reference)?, block::cells(candidate, Side::Candidate)?);
         Self::of_cells(&*reference, &*candidate, &variants.collect::<Vec<_>>())
     }
 

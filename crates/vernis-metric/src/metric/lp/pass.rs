@@ -115,6 +115,7 @@ mod tests {
     use crate::math::color::cielab;
     use crate::math::seed::stream;
     use crate::math::{Rgb, Vec3};
+    use crate::metric::Side;
     use crate::metric::lp::block::{Block, cells};
     use crate::metric::lp::formula::CellFormula;
     use crate::metric::lp::kernel::{STUDY_XYZ, study_lab};
@@ -200,7 +201,7 @@ mod tests {
         let work = Work::for_variants(LpVariant::every());
         let sums = |reference: &dyn Brdf, candidate: &dyn Brdf| {
             let (reference, candidate) =
-                (cells(reference, "reference").unwrap(), cells(candidate, "candidate").unwrap());
+                (cells(reference, Side::Reference).unwrap(), cells(candidate, Side::Candidate).unwrap());
             Sums::over(&*reference, &*candidate, &work).unwrap()
         };
         let folded = sums(&reference, &candidate);

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::brdf::Brdf;
 use crate::metric::graph::{self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedTable, Tone};
-use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share};
+use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share, Side};
 use std::sync::Arc;
 
 /// The debiased Sinkhorn divergence between the graphs of two BRDFs, as one number.
@@ -93,11 +93,7 @@ impl TransportMetric {
     ///
     /// # Errors
     /// A table without a valid cell or with values that are too large; parameters that the grid is too fine for.
-    pub fn prepare_channels(
-        &self,
-        table: &CosineTable,
-        side: &'static str,
-    ) -> Result<[PreparedChannel; 3], MetricError> {
+    pub fn prepare_channels(&self, table: &CosineTable, side: Side) -> Result<[PreparedChannel; 3], MetricError> {
         let channel = |c: usize| {
             let values: Vec<f64> = table.channel(c).iter().map(|t| self.tone.value(*t)).collect();
             PreparedChannel::new(&self.parameters, table.grid(), &values, Some(table.valid()))
@@ -120,11 +116,16 @@ impl TransportMetric {
         })
     }
 
-    fn failed(&self, side: Option<&'static str>, cause: &TransportError) -> MetricError {
+    fn failed(&self, side: Option<Side>, cause: &TransportError) -> MetricError {
         match (side, cause) {
             (Some(side), TransportError::NoValidCell) => MetricError::NoValidCell { side },
             (Some(side), TransportError::NotFinite { .. } | TransportError::ValueTooLarge { .. }) => {
                 MetricError::Unusable { side, reason: cause.to_string() }
+            }
+            // Values far apart take more nodes; two graphs far apart, more steps.
+            (side, TransportError::TooManyNodes { .. } | TransportError::TooManySteps { .. }) => {
+                let (metric, side) = (self.name.clone(), side.unwrap_or(Side::Pair));
+                MetricError::TooWide { metric, side, reason: cause.to_string() }
             }
             _ => MetricError::NotComputed { metric: self.name.clone(), reason: cause.to_string() },
         }
@@ -211,7 +212,7 @@ impl GraphMetric for TransportMetric {
     }
 
     fn prepare_table(&self, reference: Arc<CosineTable>) -> Result<Box<dyn PreparedTable>, MetricError> {
-        let channels = self.prepare_channels(&reference, "reference")?;
+        let channels = self.prepare_channels(&reference, Side::Reference)?;
         Ok(Box::new(PreparedTransport { metric: self.clone(), table: reference, channels }))
     }
 }
@@ -226,7 +227,7 @@ struct PreparedTransport {
 impl PreparedTransport {
     fn candidate(&self, candidate: &CosineTable) -> Result<[PreparedChannel; 3], MetricError> {
         self.table.common_cells(candidate, &self.metric.name)?;
-        self.metric.prepare_channels(candidate, "candidate")
+        self.metric.prepare_channels(candidate, Side::Candidate)
     }
 }
 

@@ -31,7 +31,7 @@ pub struct CompareArgs {
     candidate: String,
     #[command(flatten)]
     choice: MetricChoice,
-    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
+    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}, "versions": {name: version}}.
     #[arg(long)]
     json: bool,
     /// Also print the distance of each channel, for metrics that have one.
@@ -46,7 +46,9 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
     workspace::warm_up(shared, &metrics)?;
     let found = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref()).map_err(user_error)?;
     if args.json {
-        return print(serde_json::to_string_pretty(&to_json(&found, args.per_channel))? + "\n");
+        let mut value = to_json(&found, args.per_channel);
+        value["versions"] = metrics.iter().map(|m| (m.name().to_owned(), json!(m.version()))).collect();
+        return print(serde_json::to_string_pretty(&value)? + "\n");
     }
     let mut text = to_text(&found, args.per_channel);
     if metrics.iter().any(|metric| metric.properties().synthetic) {

@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use vernis_metric::brdf::{Brdf, Grid};
-use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family, Setup};
+use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family, Setup, VERSION};
 use vernis_metric::math::coordinates::standard_directions;
 
 /// Describe one BRDF: what it is, and its descriptors.
@@ -51,6 +51,7 @@ pub fn run(shared: &Shared, args: DescribeArgs) -> Result<()> {
             "cells": table.map(|(g, _)| g.shape()), "valid_cells": table.map(|(_, v)| v),
             "mirror": mirror.map(|(deg, rgb)| json!({"theta_deg": deg, "rgb": rgb})),
             "descriptors": descriptors,
+            "versions": {"vernis": env!("CARGO_PKG_VERSION"), "descriptors": VERSION, "setup": setup.id()},
         });
         return print(serde_json::to_string_pretty(&value)? + "\n");
     }

@@ -8,4 +8,4 @@ mod text;
 pub use files::{NewFile, read_at_most, write_atomically};
 pub use progress::{Observer, Progress, silent};
 pub use sealed::{SealError, seal, seal_of, unseal};
-pub use text::{did_you_mean, nearest, shown};
+pub use text::{counted, did_you_mean, nearest, shown};

@@ -35,7 +35,8 @@ pub struct CompareArgs {
     candidate: String,
     #[command(flatten)]
     choice: MetricChoice,
-    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}, "albedo", "warnings"}.
+    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}, "versions": {name: version}, "albedo",
+    /// "warnings"}.
     #[arg(long)]
     json: bool,
     /// Also print the distance of each channel. Lp metrics other than D6 and lab, and those on graphs, have one; learned metrics,
@@ -67,6 +68,7 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
         let [reference, candidate] = looks.map(|look| plausible::albedo_json(&look));
         all["albedo"] = json!({"reference": reference, "candidate": candidate});
         all["warnings"] = json!(warnings);
+        all["versions"] = metrics.iter().map(|m| (m.name().to_owned(), json!(m.version()))).collect();
         return print(serde_json::to_string_pretty(&all)? + "\n");
     }
     workspace::warn(warnings);

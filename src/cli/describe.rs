@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use vernis_metric::brdf::models::{AnalyticBrdf, Field};
 use vernis_metric::brdf::plausibility::Plausibility;
 use vernis_metric::brdf::{Brdf, Grid, OpenBrdf, collection};
-use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family, Setup};
+use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family, Setup, VERSION};
 use vernis_metric::io::{decimals, number, shown};
 use vernis_metric::math::coordinates::standard_directions;
 
@@ -51,7 +51,7 @@ pub fn run(shared: &Shared, args: DescribeArgs) -> Result<()> {
         .collect();
     let found = Plausibility::of(open.brdf.as_ref());
     if args.json {
-        return print(serde_json::to_string_pretty(&to_json(&open, &found, &context))? + "\n");
+        return print(serde_json::to_string_pretty(&to_json(&open, &found, &context, &setup))? + "\n");
     }
     workspace::warn(plausible::warnings(&args.brdf, &found));
     let mut text = to_text(&open, &found, &context);
@@ -85,7 +85,7 @@ fn list(notation: &str, materials: &[String], json: bool) -> Result<()> {
     print(text)
 }
 
-fn to_json(open: &OpenBrdf, found: &Plausibility, context: &[(String, String, f64)]) -> Value {
+fn to_json(open: &OpenBrdf, found: &Plausibility, context: &[(String, String, f64)], setup: &Setup) -> Value {
     let brdf = open.brdf.as_ref();
     let descriptors: Map<_, _> = context.iter().map(|(name, _, value)| (name.clone(), json!(value))).collect();
     let parameters = brdf.as_model().map(|model| {
@@ -101,6 +101,7 @@ fn to_json(open: &OpenBrdf, found: &Plausibility, context: &[(String, String, f6
         "albedo": plausible::albedo_json(found),
         "warnings": plausible::warnings(&open.notation, found),
         "descriptors": descriptors,
+        "versions": {"vernis": env!("CARGO_PKG_VERSION"), "descriptors": VERSION, "setup": setup.id()},
     })
 }
 

@@ -12,6 +12,7 @@ use vernis::report::OutputFolder;
 use vernis::samples::extracted::{ExtractedStudy, Versions};
 use vernis::samples::shard::Shard;
 use vernis_metric::descriptor::Setup;
+use vernis_metric::io::counted;
 
 /// Compute all descriptors and distances of a study, or of a shard of it, into a Parquet file.
 #[derive(Args)]
@@ -89,7 +90,7 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
         shard => format!("{short}-{:0width$}-of-{}.parquet", shard.number(), shard.count(), width = digits(shard)),
     };
     let path = folder.write(&name, &extracted.to_parquet()?)?;
-    print(format!("{} of {} pairs: {}\n", extracted.places.len(), extracted.whole, path.display()))
+    print(format!("{} of {}: {}\n", extracted.places.len(), counted(extracted.whole, "pair"), path.display()))
 }
 
 fn digits(shard: Shard) -> usize {
@@ -102,5 +103,6 @@ pub fn merge(args: MergeArgs) -> Result<()> {
     let parts = args.files.iter().map(read).collect::<Result<Vec<_>>>()?;
     let whole = ExtractedStudy::merge(parts).map_err(user_error)?;
     let path = folder.write(&name, &whole.to_parquet()?)?;
-    print(format!("{} pairs of {} files: {}\n", whole.places.len(), args.files.len(), path.display()))
+    let (pairs, files) = (counted(whole.places.len(), "pair"), counted(args.files.len(), "file"));
+    print(format!("{pairs} of {files}: {}\n", path.display()))
 }

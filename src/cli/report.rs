@@ -5,14 +5,14 @@ use super::{Shared, print, user_error};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::{DatasetError, Study};
+use vernis::dataset::{DatasetError, Study, manifest};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::report::{OutputFolder, Whole, pictures, write_whole};
 use vernis_metric::light::source::Light;
 
 /// Layout of the lamps where there is no probe.
 const LAMPS: usize = 1;
-/// Light probes of the study, in a data folder: name and file.
+/// Light probes of the published study, in a data folder: name and file.
 const PROBES: [(&str, &str); 2] =
     [("Grace", "envmaps/grace_probe_latlong.hdr"), ("Uffizi", "envmaps/uffizi_spica.hdr")];
 
@@ -50,7 +50,13 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
         Some((name, path)) => (Light::probe(path).map_err(user_error)?, format!("the light probe {name}")),
         None => (Light::lamps(LAMPS), "lamps that are defined by code".to_owned()),
     };
-    for ((name, file), _) in PROBES.iter().zip(&found).filter(|(_, found)| found.is_none()) {
+    let probed = manifest::NAMES.contains(&record.study.as_str());
+    if !probed {
+        missing.push(
+            "Energy of the light probes Uffizi and Grace by degree: this study was not rated under them.".to_owned(),
+        );
+    }
+    for ((name, file), _) in PROBES.iter().zip(&found).filter(|(_, found)| probed && found.is_none()) {
         missing.push(format!("Energy of the light probe {name} by degree: {file} is not in the data folder."));
     }
     let materials = match Study::load(&name, data) {
@@ -76,7 +82,7 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
         missing.push("How metrics agree with the ratings: no --benchmark was given.".to_owned());
     }
     #[cfg(feature = "train")]
-    let probes = spectra(&found.into_iter().flatten().collect::<Vec<_>>())?;
+    let probes = spectra(&found.into_iter().flatten().filter(|_| probed).collect::<Vec<_>>())?;
     let whole = Whole {
         study: &record,
         benchmark: benchmark.as_ref(),
@@ -99,18 +105,18 @@ fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
     serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))
 }
 
-/// Of each probe, the shares of its energy up to the degree of the study's figure.
+/// Of each probe, the shares of all of its energy up to the degree of the study's figure.
 #[cfg(feature = "train")]
 fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<vernis::report::figures::spectrum::Spectrum>> {
     use vernis_metric::light::source::ProbePicture;
     use vernis_metric::math::color::luminance;
-    use vernis_metric::math::spherical_harmonics::energy_by_degree;
+    use vernis_metric::math::spherical_harmonics::{energy_by_degree, total_energy};
     const DEGREE: usize = 130;
     let spectrum = |(name, path): &(&str, PathBuf)| {
         let probe = ProbePicture::read(path).map_err(user_error)?;
         let at = |x: usize, y: usize| luminance(probe.pixels[y * probe.width + x]);
         let energy = energy_by_degree(probe.width, probe.height, DEGREE, at);
-        let total: f64 = energy.iter().sum();
+        let total = total_energy(probe.width, probe.height, at);
         let shares = energy.into_iter().map(|e| e / total).collect();
         Ok(vernis::report::figures::spectrum::Spectrum { name: (*name).to_owned(), shares })
     };

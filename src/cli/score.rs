@@ -8,7 +8,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::csv_table::{csv_error, line_of};
 use vernis_metric::brdf::OpenBrdf;
-use vernis_metric::io::Progress;
+use vernis_metric::io::{Progress, counted};
 use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare many pairs, from a CSV file to a CSV file.
@@ -60,9 +60,9 @@ impl Pairs {
             let record = record.map_err(|e| user_error(csv_error(path, &e)))?;
             let line = line_of(&bytes, &record);
             if record.len() != header.len() {
-                let (found, needed) = (record.len(), header.len());
+                let (found, needed) = (counted(record.len(), "field"), header.len());
                 return Err(user_error(format!(
-                    "{file}, line {line}: the row has {found} fields; it must have {needed}, as the header has"
+                    "{file}, line {line}: the row has {found}; it must have {needed}, as the header has"
                 )));
             }
             for (column, name) in [(reference, "reference"), (candidate, "candidate")] {
@@ -105,7 +105,8 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     }
     bar.finish();
     folder.write(&name, &to_csv(&pairs, &found)?)?;
-    print(format!("{} pairs, {} metrics: {}\n", pairs.rows.len(), metrics.len(), args.out.display()))
+    let (rows, columns) = (counted(pairs.rows.len(), "pair"), counted(metrics.len(), "metric"));
+    print(format!("{rows}, {columns}: {}\n", args.out.display()))
 }
 
 fn to_csv(pairs: &Pairs, found: &[Vec<Distance>]) -> Result<Vec<u8>> {

@@ -9,6 +9,7 @@ use vernis::dataset::Study;
 use vernis::experiment::sweep::{Combination, Family, SweepOptions, SweepProtocol, Swept};
 use vernis::experiment::{self, ExperimentError};
 use vernis::report::{OutputFolder, sweep};
+use vernis_metric::io::counted;
 use vernis_metric::metric::graph::{GraphGrid, Tone};
 use vernis_metric::metric::transport::Accuracy;
 
@@ -185,9 +186,9 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         text += "SYNTHETIC: these ratings come from simulated observers and say nothing about people.\n";
     }
     print(format!(
-        "{text}{} of {} combinations, {} refused\nreport: {}\n",
+        "{text}{} of {}, {} refused\nreport: {}\n",
         done,
-        options.combinations.len(),
+        counted(options.combinations.len(), "combination"),
         record.refused.len(),
         report.display()
     ))

@@ -110,6 +110,7 @@ fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
         return print(format!("{}\n", serde_json::to_string_pretty(record)?));
     }
     let mut text = tables::headline(record).to_text();
+    text.extend(tables::defeat(record).map(|defeat| defeat + "\n"));
     if record.synthetic {
         text += "SYNTHETIC: these ratings come from simulated observers and say nothing about people.\n";
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use vernis_metric::brdf::BrdfError;
-use vernis_metric::io::{did_you_mean, shown};
+use vernis_metric::io::{counted, did_you_mean, shown};
 
 /// Errors of this room: each names what is wrong, where, what was found and what is allowed, in one line.
 #[derive(Debug, Error)]
@@ -38,7 +38,7 @@ pub enum DatasetError {
     NoPairs { study: String, reason: String },
     #[error("study {study} has one material ({material}); learning across materials needs at least 2")]
     OneMaterial { study: String, material: String },
-    #[error("study {study} has {groups} groups of materials; {folds} folds need at least {folds}")]
+    #[error("study {study} has {} of materials; {folds} folds need at least {folds}", counted(*groups, "group"))]
     TooFewGroups { study: String, groups: usize, folds: usize },
     #[error("study {study}: all {pairs} ratings are {mos}; there is nothing to learn from equal ratings")]
     EqualRatings { study: String, pairs: usize, mos: f64 },

@@ -9,7 +9,7 @@
 //! Cost: about 30 ms a metric, split and set of rows for 2000 resamples of 500 rows on two threads.
 
 use super::EvaluationError;
-use super::agreement::{Figure, Predictions, Ratings};
+use super::agreement::{Figure, FoldMeans, Predictions, Ratings};
 use super::bootstrap::{self, Bootstrapped, Resamples, holm};
 use super::cross_validation::FoldRecord;
 use super::dependent::DependentCorrelations;
@@ -42,6 +42,7 @@ pub struct Judged {
     row_set: RowSet,
     predictions: Predictions,
     bootstrapped: Bootstrapped,
+    fold_means: Option<FoldMeans>,
 }
 
 impl Judged {
@@ -53,6 +54,7 @@ impl Judged {
             rows: self.predictions.mos.len(),
             agreement: self.bootstrapped.agreement,
             intervals: self.bootstrapped.intervals,
+            fold_means: self.fold_means,
         }
     }
 }
@@ -124,7 +126,8 @@ impl Jury {
         let judge = |bench: &Bench| {
             let predictions = predictions.select(&bench.indices);
             let bootstrapped = Bootstrapped::of(metric, &bench.ratings, &predictions, &bench.resamples)?;
-            Ok(Judged { split, row_set: bench.row_set, predictions, bootstrapped })
+            let fold_means = FoldMeans::of(&bench.ratings, &predictions);
+            Ok(Judged { split, row_set: bench.row_set, predictions, bootstrapped, fold_means })
         };
         self.benches.iter().map(judge).collect()
     }
@@ -189,7 +192,7 @@ fn difference(
     let (judged_a, judged_b) = (a.find(split, bench.row_set)?, b.find(split, bench.row_set)?);
     let paired = judged_a.bootstrapped.difference(&judged_b.bootstrapped, figure)?;
     let between = match figure {
-        Figure::PlccRaw => pearson(&judged_a.predictions.score, &judged_b.predictions.score).ok(),
+        Figure::PlccRaw => pearson(judged_a.predictions.raw()?, judged_b.predictions.raw()?).ok(),
         Figure::Plcc => pearson(&judged_a.predictions.mos, &judged_b.predictions.mos).ok(),
         Figure::Srocc => spearman(&judged_a.predictions.score, &judged_b.predictions.score).ok(),
         Figure::Krocc | Figure::Rmse | Figure::WithinMaterialSrocc => None,

@@ -60,7 +60,7 @@ impl Bootstrapped {
             Interval::percentile(replicates.iter().flatten().filter_map(|r: &Agreement| r.get(figure)).collect())
         };
         let intervals = Figures {
-            plcc_raw: interval(Figure::PlccRaw).ok_or_else(too_few)?,
+            plcc_raw: interval(Figure::PlccRaw),
             plcc: interval(Figure::Plcc).ok_or_else(too_few)?,
             srocc: interval(Figure::Srocc).ok_or_else(too_few)?,
             krocc: interval(Figure::Krocc).ok_or_else(too_few)?,
@@ -146,7 +146,7 @@ mod tests {
                 });
             }
         }
-        (Ratings::of(&rows), Predictions { mos: score.clone(), score })
+        (Ratings::of(&rows), Predictions::new(score.clone(), score))
     }
 
     #[test]
@@ -181,7 +181,7 @@ mod tests {
         let mut rng = seed::stream(5, "test", 0);
         let (ratings, a) = clustered(80, 6, &mut rng);
         let worse: Vec<f64> = a.score.iter().map(|s| s + rng.random_range(-0.5..0.5)).collect();
-        let b = Predictions { score: worse.clone(), mos: worse };
+        let b = Predictions::new(worse.clone(), worse);
         let resamples = draw(&ratings, 400, 1).unwrap();
         let judge = |p| Bootstrapped::of("test", &ratings, p, &resamples).unwrap();
         let (a, b) = (judge(&a), judge(&b));

@@ -4,15 +4,17 @@
 //! trained predicts a MOS itself, the map having been learned with the rest. For a classical metric the 4-parameter
 //! logistic from distance to MOS is fitted on the distances of the training side. A distance that is constant over the
 //! training rows says nothing, and the mean of their ratings is its best map.
+//! A model that only chooses a column and maps it also tells the column's own values: one column in every fold has a raw
+//! correlation over all rows, several have it fold by fold alone, for their units do not go together.
 //! Folds run in parallel; each has its own seed, so that neither their order nor the number of threads matters.
 
 use super::EvaluationError;
-use super::agreement::Predictions;
+use super::agreement::{Predictions, Raw};
 use crate::samples::Samples;
 use crate::samples::split::Fold;
 use crate::train::ensemble::bootstrap_members;
 use crate::train::trivial::MeanOf;
-use crate::train::{TrainError, Trainer};
+use crate::train::{TrainError, Trainer, Unmapped};
 use ndarray::ArrayView1;
 use rand::Rng;
 use rayon::prelude::*;
@@ -45,6 +47,12 @@ pub struct FoldRecord {
     pub srocc: Option<f64>,
     /// In MOS.
     pub rmse: f64,
+    /// Pearson's r of the metric's own values, unmapped, and the MOS; `None` too in records of before it was kept.
+    #[serde(default)]
+    pub plcc_raw: Option<f64>,
+    /// The column that was chosen on the training side of the fold, where one was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chosen: Option<String>,
 }
 
 /// Scores and MOS of one fold's held-out rows, in their order.
@@ -52,13 +60,23 @@ pub struct FoldRecord {
 pub(super) struct FoldPredictions {
     score: Vec<f64>,
     mos: Vec<f64>,
+    /// Of a model that only mapped a column.
+    unmapped: Option<Unmapped>,
 }
 
 impl FoldPredictions {
     /// Of scores that are MOS already.
     pub(super) fn direct(score: Vec<f64>) -> Self {
-        Self { mos: score.iter().map(|s| s.clamp(1.0, 5.0)).collect(), score }
+        Self { mos: score.iter().map(|s| s.clamp(1.0, 5.0)).collect(), score, unmapped: None }
     }
+}
+
+/// What a fold says of its held-out rows.
+pub(super) enum FoldScores {
+    /// Mean opinion scores, and the column that they were mapped from where that is all that the model does.
+    Mos(Vec<f64>, Option<Unmapped>),
+    /// Scores without a scale: those of the training rows, to fit the map on, and those of the held-out rows.
+    ToMap(Vec<f64>, Vec<f64>),
 }
 
 /// Trains on each fold and predicts what it holds out.
@@ -70,7 +88,8 @@ pub fn cross_validate(
 ) -> Result<OutOfFold, EvaluationError> {
     run_folds(trainer.name(), samples, folds, |index, fold| {
         let predictor = trainer.train(&fold.training, fold_seed(seed, index))?;
-        Ok((None, predictor.predict(fold.held_out.features())))
+        let features = fold.held_out.features();
+        Ok(FoldScores::Mos(predictor.predict(features), predictor.unmapped(features)))
     })
 }
 
@@ -81,7 +100,7 @@ pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) ->
     let negated = |distances: ArrayView1<'_, f64>| distances.iter().map(|d| -d).collect::<Vec<f64>>();
     run_folds(name, samples, folds, |_, fold| {
         let (training, held_out) = (fold.training.features(), fold.held_out.features());
-        Ok((Some(negated(training.column(column))), negated(held_out.column(column))))
+        Ok(FoldScores::ToMap(negated(training.column(column)), negated(held_out.column(column))))
     })
 }
 
@@ -89,7 +108,7 @@ pub fn cross_validate_distance(samples: &Samples, folds: &[Fold], name: &str) ->
 pub fn cross_validate_mean(samples: &Samples, folds: &[Fold], of: MeanOf) -> Result<OutOfFold, EvaluationError> {
     run_folds(of.name(), samples, folds, |_, fold| {
         let means = of.fit(&fold.training)?;
-        Ok((None, means.predict(fold.held_out.rows())))
+        Ok(FoldScores::Mos(means.predict(fold.held_out.rows()), None))
     })
 }
 
@@ -101,7 +120,7 @@ pub fn cross_validate_scores(
     scores: &[f64],
 ) -> Result<OutOfFold, EvaluationError> {
     run_folds(name, samples, folds, |_, fold| {
-        Ok((None, fold.held_out.indices().iter().map(|&row| scores[row]).collect()))
+        Ok(FoldScores::Mos(fold.held_out.indices().iter().map(|&row| scores[row]).collect(), None))
     })
 }
 
@@ -142,21 +161,19 @@ pub(super) fn training_error(metric: &str, fold: usize, of: &Fold, source: Train
     }
 }
 
-/// Scores of the held-out rows by `predict`: as they are, or mapped to MOS by those of the training rows that come with
-/// them.
+/// Scores of the held-out rows by `predict`: as they are, or mapped to MOS.
 pub(super) fn run_folds(
     name: &str,
     samples: &Samples,
     folds: &[Fold],
-    predict: impl Fn(usize, &Fold) -> Result<(Option<Vec<f64>>, Vec<f64>), TrainError> + Sync,
+    predict: impl Fn(usize, &Fold) -> Result<FoldScores, TrainError> + Sync,
 ) -> Result<OutOfFold, EvaluationError> {
     check_coverage(samples, folds)?;
-    let run = |(index, fold): (usize, &Fold)| {
-        let (training, score) = predict(index, fold).map_err(|source| training_error(name, index, fold, source))?;
-        match training {
-            Some(training) => map_fold(name, index, &training, &fold.training.mos(), score),
-            None => Ok(FoldPredictions::direct(score)),
-        }
+    let run = |(index, fold): (usize, &Fold)| match predict(index, fold)
+        .map_err(|source| training_error(name, index, fold, source))?
+    {
+        FoldScores::ToMap(training, score) => map_fold(name, index, &training, &fold.training.mos(), score),
+        FoldScores::Mos(score, unmapped) => Ok(FoldPredictions { unmapped, ..FoldPredictions::direct(score) }),
     };
     let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
     assemble(name, samples, folds, predicted)
@@ -168,7 +185,7 @@ pub fn in_sample(samples: &Samples, name: &str) -> Result<Predictions, Evaluatio
     let score: Vec<f64> = samples.column(column_index(samples, name)?).iter().map(|d| -d).collect();
     let mos: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
     let mapped = map_fold(name, 0, &score, &mos, score.clone())?;
-    Ok(Predictions { score: mapped.score, mos: mapped.mos })
+    Ok(Predictions::new(mapped.score, mapped.mos))
 }
 
 fn column_index(samples: &Samples, name: &str) -> Result<usize, EvaluationError> {
@@ -216,7 +233,7 @@ fn map_fold(
         }
         Err(source) => return Err(EvaluationError::Logistic { metric: metric.to_owned(), fold, source }),
     };
-    Ok(FoldPredictions { score, mos })
+    Ok(FoldPredictions { score, mos, unmapped: None })
 }
 
 pub(super) fn assemble(
@@ -225,7 +242,14 @@ pub(super) fn assemble(
     folds: &[Fold],
     predicted: Vec<FoldPredictions>,
 ) -> Result<OutOfFold, EvaluationError> {
-    let mut predictions = Predictions { score: vec![f64::NAN; samples.len()], mos: vec![f64::NAN; samples.len()] };
+    let missing = vec![f64::NAN; samples.len()];
+    let mut predictions =
+        Predictions { fold: vec![0; samples.len()], ..Predictions::new(missing.clone(), missing.clone()) };
+    predictions.raw = match chosen(&predicted) {
+        Chosen::Nothing => Raw::Score,
+        Chosen::One => Raw::Values(missing),
+        Chosen::Several => Raw::Mixed,
+    };
     let mut records = Vec::with_capacity(folds.len());
     for (index, (fold, found)) in folds.iter().zip(predicted).enumerate() {
         let held_out = &fold.held_out;
@@ -233,12 +257,16 @@ pub(super) fn assemble(
             let (what, expected) = ("predictions of a fold", held_out.indices().len());
             return Err(EvaluationError::Lengths { what, found: found.score.len(), expected });
         }
+        if let (Raw::Values(values), Some(unmapped)) = (&mut predictions.raw, &found.unmapped) {
+            held_out.indices().iter().zip(&unmapped.values).for_each(|(&row, &value)| values[row] = value);
+        }
         for ((&row, &score), &mos) in held_out.indices().iter().zip(&found.score).zip(&found.mos) {
             if !(score.is_finite() && mos.is_finite()) {
                 return Err(EvaluationError::NotFinite { metric: name.to_owned(), row, value: score });
             }
             predictions.score[row] = score;
             predictions.mos[row] = mos;
+            predictions.fold[row] = index;
         }
         let rated: Vec<f64> = held_out.rows().iter().map(|r| r.mos).collect();
         let squares: f64 = found.mos.iter().zip(&rated).map(|(p, m)| (p - m) * (p - m)).sum();
@@ -249,7 +277,26 @@ pub(super) fn assemble(
             plcc: correlation::pearson(&found.mos, &rated).ok(),
             srocc: correlation::spearman(&found.score, &rated).ok(),
             rmse: (squares / rated.len() as f64).sqrt(),
+            plcc_raw: correlation::pearson(found.unmapped.as_ref().map_or(&found.score, |u| &u.values), &rated).ok(),
+            chosen: found.unmapped.map(|unmapped| unmapped.column),
         });
     }
     Ok(OutOfFold { predictions, folds: records })
+}
+
+/// How many columns the folds chose.
+enum Chosen {
+    Nothing,
+    One,
+    Several,
+}
+
+fn chosen(predicted: &[FoldPredictions]) -> Chosen {
+    let columns: Vec<Option<&str>> =
+        predicted.iter().map(|fold| fold.unmapped.as_ref().map(|u| u.column.as_str())).collect();
+    match columns.first() {
+        Some(Some(first)) if columns.iter().all(|c| c == &Some(*first)) => Chosen::One,
+        _ if columns.iter().all(Option::is_none) => Chosen::Nothing,
+        _ => Chosen::Several,
+    }
 }

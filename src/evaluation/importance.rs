@@ -9,7 +9,7 @@
 
 use super::EvaluationError;
 use super::agreement::Predictions;
-use super::cross_validation::{FoldPredictions, assemble, fold_seed, run_folds, training_error};
+use super::cross_validation::{FoldPredictions, FoldScores, assemble, fold_seed, run_folds, training_error};
 use crate::dataset::Row;
 use crate::samples::Samples;
 use crate::samples::split::Fold;
@@ -83,7 +83,7 @@ pub(super) fn with_share(
     let found = run_folds(trainer.name(), samples, folds, |index, fold| {
         let keep = |row: &Row| kept[index].contains(row.group.as_str());
         let model = trainer.train(&fold.training.filter(keep), fold_seed(seed, index))?;
-        Ok((None, model.predict(fold.held_out.features())))
+        Ok(FoldScores::Mos(model.predict(fold.held_out.features()), None))
     })?;
     let groups = kept.iter().map(BTreeSet::len).sum::<usize>() as f64 / folds.len() as f64;
     Ok((found.predictions, groups))

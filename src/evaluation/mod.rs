@@ -18,6 +18,7 @@ use crate::samples::SamplesError;
 use crate::samples::split::SplitError;
 use crate::train::TrainError;
 use thiserror::Error;
+use vernis_metric::io::counted;
 use vernis_metric::math::correlation::CorrelationError;
 use vernis_metric::math::logistic::LogisticError;
 use vernis_metric::math::resampling::ResamplingError;
@@ -35,7 +36,7 @@ pub enum EvaluationError {
     Logistic { metric: String, fold: usize, source: LogisticError },
     #[error(transparent)]
     Split(#[from] SplitError),
-    #[error("{metric}, fold {fold} of {training_rows} training rows: {source}")]
+    #[error("{metric}, fold {fold} of {}: {source}", counted(*training_rows, "training row"))]
     Training { metric: String, fold: usize, training_rows: usize, source: Box<TrainError> },
     #[error("row {row} ({material}, {method}) is held out by {times} folds; it must be held out by exactly 1")]
     Coverage { row: usize, material: String, method: String, times: usize },
@@ -47,7 +48,7 @@ pub enum EvaluationError {
     TooFew { what: &'static str, found: usize, least: usize },
     #[error(transparent)]
     Resampling(#[from] ResamplingError),
-    #[error("there is no column {name} among the {columns} columns of the samples")]
+    #[error("there is no column {name} among the {} of the samples", counted(*columns, "column"))]
     UnknownColumn { name: String, columns: usize },
     #[error(transparent)]
     Samples(#[from] SamplesError),

@@ -242,7 +242,7 @@ impl Bench {
 
     /// The distances of the column called `metric`, the ratings, and the logistic curve between them, fitted on all rows.
     pub fn curve(&self, samples: &Samples, metric: &str) -> Result<CurveRecord, EvaluationError> {
-        let Predictions { score, mos } = in_sample(samples, metric)?;
+        let Predictions { score, mos, .. } = in_sample(samples, metric)?;
         let point = |((row, score), mapped): ((&Row, f64), f64)| CurvePoint {
             method: row.method.clone(),
             distance: -score,

@@ -1,6 +1,6 @@
 //! What a benchmark found, as plain data: written as JSON and CSV, drawn and tabulated by reports.
 
-use super::agreement::{Agreement, Figure, Figures};
+use super::agreement::{Agreement, Figure, Figures, FoldMeans};
 use super::bootstrap::{Difference, Interval};
 use super::calibration::Calibration;
 use super::cross_validation::FoldRecord;
@@ -69,6 +69,13 @@ pub enum MetricKind {
     Trivial,
 }
 
+impl MetricKind {
+    /// Whether ratings taught it more than a map to their scale, or the choice of a distance.
+    pub fn is_learned(self) -> bool {
+        matches!(self, Self::Learned | Self::Baseline)
+    }
+}
+
 /// Agreement on one set of rows, under one split, with 95 % intervals of the bootstrap by material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
@@ -82,6 +89,10 @@ pub struct Judgement {
     pub agreement: Agreement,
     /// The 95 % interval of each figure.
     pub intervals: Figures<Interval>,
+    /// Means of the correlations of each fold, which are not biased for weak predictors as those over all rows are; `None` in
+    /// sample, and in records of before they were kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fold_means: Option<FoldMeans>,
 }
 
 /// One metric and how it agrees with people.
@@ -131,7 +142,7 @@ pub struct DifferenceRecord {
     pub cross_check: Option<DependentCorrelations>,
 }
 
-/// The metric retrained on fewer, or other, descriptors.
+/// The model of [`BenchmarkRecord::retrained`] on fewer, or other, descriptors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AblationRecord {
     /// Such as `without lights` or `only angular`.
@@ -140,9 +151,9 @@ pub struct AblationRecord {
     pub columns: usize,
     /// Its agreement, by split and set of rows.
     pub judgements: Vec<Judgement>,
-    /// Against the full metric, unseen material, all rows.
+    /// Against the same model with all of its descriptors, unseen material, all rows.
     pub plcc_change: Option<Difference>,
-    /// Change of Spearman's rho against the full metric, unseen material, all rows.
+    /// Change of Spearman's rho against the same, unseen material, all rows.
     pub srocc_change: Option<Difference>,
 }
 
@@ -153,7 +164,7 @@ impl AblationRecord {
     }
 }
 
-/// What the metric loses, unseen material, all rows, when descriptors are exchanged between rows ([`super::importance`]).
+/// What the model of [`BenchmarkRecord::retrained`] loses, unseen material, all rows, when descriptors are exchanged between rows ([`super::importance`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ImportanceRecord {
     /// A family of descriptors, or one of them.
@@ -166,7 +177,7 @@ pub struct ImportanceRecord {
     pub srocc_change: Option<Difference>,
 }
 
-/// Agreement after training on fewer materials.
+/// Agreement of the model of [`BenchmarkRecord::retrained`] after training on fewer materials.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LearningPoint {
     /// Groups of materials that were trained on, the mean over folds.
@@ -272,7 +283,10 @@ pub struct BenchmarkRecord {
     pub metrics: Vec<MetricRecord>,
     /// Paired differences between metrics.
     pub differences: Vec<DifferenceRecord>,
-    /// The metric retrained on other descriptors.
+    /// The model that ablation, importance and learning curve train again, with all of its descriptors one of `metrics`.
+    #[serde(default = "retrained_before")]
+    pub retrained: String,
+    /// That model on other descriptors.
     pub ablation: Vec<AblationRecord>,
     /// Families first, then the descriptors that matter most.
     #[serde(default)]
@@ -293,7 +307,17 @@ pub struct BenchmarkRecord {
     pub did_not_help: Vec<String>,
 }
 
+/// Records of vernis 0.1.0 do not name the model that they retrained; it was always this one.
+fn retrained_before() -> String {
+    "nystroem-ridge".to_owned()
+}
+
 impl BenchmarkRecord {
+    /// The model of the ablation with all of its descriptors.
+    pub fn retrained_metric(&self) -> Option<&MetricRecord> {
+        self.metric(&self.retrained)
+    }
+
     /// The record of the metric called `name`.
     pub fn metric(&self, name: &str) -> Option<&MetricRecord> {
         self.metrics.iter().find(|m| m.name == name)

@@ -127,6 +127,7 @@ pub fn run(
         metrics: bench.metrics().into_iter().map(versioned).collect(),
         differences,
         did_not_help: did_not_help(&ablation),
+        retrained: ablation_trainer.name().to_owned(),
         ablation,
         importance,
         learning_curve,
@@ -181,7 +182,8 @@ fn contenders<'a>(
     all.push(contender(
         best.name(),
         MetricKind::NestedBestLp,
-        "the Lp variant that is best on the training side of each fold",
+        "the Lp variant that is best on the training side of each fold; its raw PLCC over all rows is left empty where the folds \
+         choose several variants, whose distances have no unit in common",
         Source::Trainer(best, lp),
     ));
     all.extend(LpVariant::of_study().map(|variant| {

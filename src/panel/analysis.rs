@@ -12,6 +12,7 @@ use super::sos;
 use crate::dataset::opinions::{Scores, StudyOpinions};
 use crate::dataset::raw_ratings::RawRatings;
 use std::collections::BTreeSet;
+use vernis_metric::io::counted;
 
 /// What is asked of [`describe`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,6 +78,7 @@ pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord,
         found: study.completeness.found,
         known: study.completeness.known,
         seed: options.seed,
+        intervals: intervals(spread, &opinions),
         spread,
         materials,
         methods,
@@ -91,6 +93,8 @@ pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord,
         illumination: comparison.illumination(&mut notes),
         anova_two_way: comparison.anova_two_way(&mut notes),
         anova_three_way: comparison.anova_three_way(&mut notes),
+        models: comparison.models(&mut notes),
+        manifold: comparison.manifold(&mut notes),
         boxes,
         missing: Vec::new(),
         opinions: Vec::new(),
@@ -103,6 +107,24 @@ pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord,
 }
 
 const ASSUMED: Spread = Spread::NoiseModel { a: sos::ASSUMED_A, raters: sos::ASSUMED_RATERS };
+
+/// How the intervals of single means are computed, in words.
+fn intervals(spread: Spread, opinions: &[RatedStimulus]) -> String {
+    let equal = opinions.iter().filter(|o| o.opinion.is_unanimous()).count();
+    match spread {
+        Spread::NoiseModel { a, raters } => format!(
+            "ASSUMED, because the study gives only means: variance {a} (-x^2 + 6x - 5), {} per stimulus; on each side the wider of \
+             Student's t and Wilson's interval, which has a width at the ends of the scale too",
+            counted(raters, "rater")
+        ),
+        Spread::Scores if equal > 0 => format!(
+            "Student's t of the scores of each stimulus; Wilson's interval, with the variance of a binomial score, for {} whose scores \
+             are all equal",
+            counted(equal, "stimulus")
+        ),
+        Spread::Scores => "Student's t of the scores of each stimulus".to_owned(),
+    }
+}
 
 fn assumed(study: &StudyOpinions, means: &[f64]) -> Vec<RatedStimulus> {
     let opinion = |&mos: &f64| Opinion::of_mean(mos, sos::ASSUMED_A, sos::ASSUMED_RATERS);

@@ -1,7 +1,9 @@
 //! What moves mean opinion scores: material types, methods, illuminations. Sections 5.3 to 5.5 of Lavoue et al. 2021.
 //!
 //! Comparisons of types and methods are under the illumination with the most stimuli, so that no pair counts twice;
-//! hidden references are compared among themselves.
+//! hidden references are compared among themselves. What compares models is in `models`.
+
+mod models;
 
 use super::analysis::{Notes, Options, mean, means_and_variances};
 use super::anova::{Anova, Factor, anova};
@@ -23,6 +25,10 @@ const ILLUMINATION: &str = "illumination";
 const STEP: &str = "step";
 /// Samples of a manifold at growing distances from the reference: section 3.3.
 const MANIFOLD: &str = "GPLVM_APPROX.";
+/// The titles of the box plots of models, which figures are found by.
+pub const BY_MODEL: &str = "By model, the better of several fits";
+/// The same by type of material.
+pub const BY_MODEL_AND_TYPE: &str = "By model and material type, the better of several fits";
 
 /// A study's mean opinions, made ready for comparisons. Rows are indices of `opinions`.
 pub(super) struct Comparison<'a> {
@@ -152,39 +158,30 @@ impl<'a> Comparison<'a> {
     pub fn boxes(&self) -> Vec<BoxSet> {
         let main: Vec<usize> = self.approximations.iter().chain(&self.references).copied().collect();
         let better = self.better_fits(&main);
-        let both = self.under_both().map(|(_, both)| both.into_iter().flatten().collect()).unwrap_or_default();
+        let (several, left_out) = match &better {
+            Some(better) => (better.rows.as_slice(), better.left_out.clone()),
+            None => (&[][..], None),
+        };
+        let both: Vec<usize> =
+            self.under_both().map(|(_, both)| both.into_iter().flatten().collect()).unwrap_or_default();
         [
-            ("Everything", &main, &[][..]),
+            ("Everything", main.as_slice(), &[][..]),
             ("Approximations by material type", &self.approximations, &[TYPE][..]),
             ("Hidden references by material type", &self.references, &[TYPE]),
             ("By method", &main, &[METHOD]),
             ("By method and material type", &main, &[METHOD, TYPE]),
-            ("By model, the better of several fits", &better, &[MODEL]),
-            ("By model and material type, the better of several fits", &better, &[MODEL, TYPE]),
+            (BY_MODEL, several, &[MODEL]),
+            (BY_MODEL_AND_TYPE, several, &[MODEL, TYPE]),
             ("By illumination and material type, of what was rated under both", &both, &[ILLUMINATION, TYPE]),
             ("By step along the manifold", &self.approximations, &[STEP]),
         ]
         .into_iter()
-        .map(|(title, rows, factors)| self.box_set(title, rows, factors))
+        .map(|(title, rows, factors)| {
+            let note = if factors.contains(&MODEL) { left_out.clone() } else { None };
+            BoxSet { note, ..self.box_set(title, rows, factors) }
+        })
         .filter(|set| !set.boxes.is_empty())
         .collect()
-    }
-
-    /// Of `rows`, the one with the highest mean opinion score for every material and model, as the study's figures 9 and 10
-    /// have it; nothing where every method is a model of its own.
-    fn better_fits(&self, rows: &[usize]) -> Vec<usize> {
-        let distinct = |of: &dyn Fn(usize) -> &'a str| rows.iter().map(|&row| of(row)).collect::<BTreeSet<_>>().len();
-        let [methods, models] =
-            [METHOD, MODEL].map(|factor| distinct(&|row| self.level(row, factor).unwrap_or_default()));
-        let mut best: BTreeMap<(&str, &str), usize> = BTreeMap::new();
-        for &row in rows.iter().filter(|_| models < methods) {
-            let stimulus = &self.opinions[row].stimulus;
-            let kept = best.entry((&stimulus.material, &stimulus.method_family)).or_insert(row);
-            if self.mos[row] > self.mos[*kept] {
-                *kept = row;
-            }
-        }
-        best.into_values().collect()
     }
 
     fn box_set(&self, title: &str, rows: &[usize], factors: &[&str]) -> BoxSet {
@@ -209,7 +206,7 @@ impl<'a> Comparison<'a> {
             })
         };
         let factors = factors.iter().map(|f| (*f).to_owned()).collect();
-        BoxSet { title: title.to_owned(), factors, boxes: cells.into_iter().filter_map(named).collect() }
+        BoxSet { title: title.to_owned(), factors, note: None, boxes: cells.into_iter().filter_map(named).collect() }
     }
 
     fn level(&self, row: usize, factor: &str) -> Option<&'a str> {

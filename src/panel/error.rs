@@ -1,6 +1,7 @@
 //! Why a statistic does not exist.
 
 use thiserror::Error;
+use vernis_metric::io::counted;
 use vernis_metric::math::correlation::CorrelationError;
 use vernis_metric::math::resampling::ResamplingError;
 
@@ -15,17 +16,20 @@ pub enum StudyError {
     NoSpread { what: &'static str },
     #[error("the design is not complete: {participant} did not rate {missing} of {stimuli} stimuli")]
     Incomplete { participant: String, missing: usize, stimuli: usize },
-    #[error("factor {factor} has {found} levels; it must have at least 2")]
+    #[error("factor {factor} has {}; it must have at least 2", counted(*found, "level"))]
     OneLevel { factor: String, found: usize },
     #[error("only mean scores are given; raw scores (participant, material, method, score) are needed")]
     NoRawScores,
     #[error("the number of {what} is {found}; it must be {allowed}")]
     Levels { what: &'static str, found: String, allowed: &'static str },
-    #[error("{rows} rows leave no degree of freedom for the residual of a model with {parameters} parameters")]
+    #[error(
+        "no degree of freedom is left for the residual: there are {} for a model with {}",
+        counted(*rows, "row"), counted(*parameters, "parameter")
+    )]
     Saturated { rows: usize, parameters: usize },
-    #[error("the effect of {term} cannot be told from others: {empty} combinations of levels have no row")]
+    #[error("the effect of {term} cannot be told from others: {} of levels without a row", counted(*empty, "combination"))]
     Confounded { term: String, empty: usize },
-    #[error("screening rejects all but {left} of {participants} participants; it must leave at least 2")]
+    #[error("screening rejects all but {left} of {}; it must leave at least 2", counted(*participants, "participant"))]
     AllRejected { left: usize, participants: usize },
     #[error("{0}")]
     Correlation(#[from] CorrelationError),

@@ -14,6 +14,7 @@ mod error;
 pub mod intraclass;
 pub mod moments;
 pub mod opinion;
+pub mod parameters;
 pub mod record;
 pub mod reliability;
 pub mod screening;
@@ -22,5 +23,6 @@ pub mod t_test;
 
 pub use analysis::{Options, describe};
 pub use box_plot::BoxPlot;
+pub use comparison::{BY_MODEL, BY_MODEL_AND_TYPE};
 pub use error::StudyError;
 pub use record::StudyRecord;

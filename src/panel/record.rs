@@ -35,6 +35,10 @@ pub struct StudyRecord {
     pub seed: u64,
     /// Where standard deviations and intervals of single means come from.
     pub spread: Spread,
+    /// How the intervals of single means are computed, in words; empty in records of before it was kept, whose intervals had no
+    /// width where all scores were equal or the mean was an end of the scale.
+    #[serde(default)]
+    pub intervals: String,
     /// By stimulus.
     pub opinions: Vec<RatedStimulus>,
     /// Number of materials.
@@ -63,6 +67,12 @@ pub struct StudyRecord {
     pub anova_two_way: Option<Anova>,
     /// Illumination x material type x method, on what was rated under both.
     pub anova_three_way: Option<Anova>,
+    /// Paired tests between models, under the first illumination.
+    #[serde(default)]
+    pub models: Option<ModelComparison>,
+    /// How opinions of samples of a manifold follow their distance from the reference.
+    #[serde(default)]
+    pub manifold: Option<ManifoldCorrelation>,
     /// Box plots of the mean opinion scores.
     pub boxes: Vec<BoxSet>,
     /// Statistics that the study does not allow.
@@ -161,6 +171,45 @@ pub struct IlluminationComparison {
     pub spearman_interval: Option<Interval>,
 }
 
+/// Models pair by pair, each with the better of its fits, on the materials that both were fitted to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelComparison {
+    /// Names of the models, the highest mean first.
+    pub models: Vec<String>,
+    /// Which models take no part, and why.
+    pub left_out: Option<String>,
+    /// Every pair, in the order of `models`.
+    pub pairs: Vec<ModelPair>,
+}
+
+/// Two models.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelPair {
+    /// In the order of the differences: first minus second.
+    pub models: [String; 2],
+    /// Paired test of the mean opinion scores; the pairs are materials.
+    pub mos: TTest,
+    /// Its p, corrected for all pairs (Holm 1979).
+    pub holm_p: f64,
+}
+
+/// Samples of a manifold: mean opinion scores against the distance from the reference.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ManifoldCorrelation {
+    /// Rated samples.
+    pub stimuli: usize,
+    /// N, the number of the last step; step i is (i/N)^5 of the diameter of the parameter space away from the reference.
+    pub steps: usize,
+    /// Pearson's r of distance and mean opinion score.
+    pub pearson: f64,
+    /// Spearman's rho of the same.
+    pub spearman: f64,
+    /// 95 %, by bootstrap of materials.
+    pub pearson_interval: Option<Interval>,
+    /// 95 % of Spearman's rho, by bootstrap of materials.
+    pub spearman_interval: Option<Interval>,
+}
+
 /// Box plots side by side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BoxSet {
@@ -168,6 +217,9 @@ pub struct BoxSet {
     pub title: String,
     /// What tells the boxes apart, such as `method` and `material type`.
     pub factors: Vec<String>,
+    /// What was left out, and why.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
     /// One box for each combination of levels.
     pub boxes: Vec<NamedBox>,
 }

@@ -5,6 +5,7 @@ use crate::experiment::losses::compare::{Comparison, Verdict};
 use crate::experiment::losses::record::{LossesRecord, Searches};
 use crate::experiment::losses::{Loss, OPINION};
 use std::collections::BTreeMap;
+use vernis_metric::io::counted;
 
 /// The whole report; `command` makes it again.
 pub fn markdown(record: &LossesRecord, command: &str) -> String {
@@ -47,16 +48,16 @@ pub fn text(record: &LossesRecord) -> String {
 
 fn introduction(record: &LossesRecord) -> String {
     format!(
-        "{} materials, one of each group of sisters, were fitted with {} under {} losses; {} metrics judged each fit.\n\n\
+        "{}, one of each group of sisters, were fitted with {} under {}; {} judged each fit.\n\n\
          Each number is the change of the judge's distance against the baseline in per cent, 200 (a - b)/(a + b); less is \
          better. For `mos` it is the change of the predicted mean opinion score; more is better. Means over materials [95 % interval, \
-         {} resamples of materials]. *better* and *worse*: p < 0.05 after Holm's correction for all fair comparisons of a table. \
+         {} of materials]. *better* and *worse*: p < 0.05 after Holm's correction for all fair comparisons of a table. \
          (In parentheses: the judge is the loss or the baseline itself and does not count.)\n",
-        record.materials.len(),
+        counted(record.materials.len(), "material"),
         record.settings.models.join(", "),
-        record.searches.len(),
-        record.judges.len(),
-        record.resamples,
+        counted(record.searches.len(), "loss"),
+        counted(record.judges.len(), "metric"),
+        counted(record.resamples, "resample"),
     )
 }
 

@@ -18,7 +18,8 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<(&'static str, Vec<u8>)>, Rep
 
 /// One row a metric, split, set of rows and figure.
 fn metrics(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
-    let header = ["metric", "version", "kind", "split", "row_set", "rows", "figure", "value", "low", "high"];
+    let header =
+        ["metric", "version", "kind", "split", "row_set", "rows", "figure", "value", "low", "high", "fold_mean"];
     let rows = record.metrics.iter().flat_map(|metric| {
         let judgements = metric.judgements.iter().flat_map(figures);
         judgements.map(move |figure| (&metric.name, &metric.version, metric.kind, figure))
@@ -27,7 +28,7 @@ fn metrics(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
 }
 
 fn ablation(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
-    let header = ["descriptors", "columns", "split", "row_set", "rows", "figure", "value", "low", "high"];
+    let header = ["descriptors", "columns", "split", "row_set", "rows", "figure", "value", "low", "high", "fold_mean"];
     let rows = record.ablation.iter().flat_map(|found| {
         let judgements = found.judgements.iter().flat_map(figures);
         judgements.map(move |figure| (&found.name, found.columns, figure))
@@ -35,11 +36,17 @@ fn ablation(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
     write("ablation.csv", &header, rows)
 }
 
-/// Split, set of rows, number of rows, figure, value, low, high.
+/// Split, set of rows, number of rows, figure, value, low, high, mean of the folds' own.
 fn figures(judgement: &Judgement) -> impl Iterator<Item = impl Serialize> {
     Figure::ALL.iter().filter_map(|&figure| {
         let (value, interval) = (judgement.agreement.get(figure)?, judgement.intervals.get(figure)?);
-        Some((judgement.split, judgement.row_set, judgement.rows, figure, value, interval.low, interval.high))
+        let fold_mean = match figure {
+            Figure::Plcc => judgement.fold_means.map(|means| means.plcc),
+            Figure::Srocc => judgement.fold_means.map(|means| means.srocc),
+            _ => None,
+        };
+        let (split, row_set, rows) = (judgement.split, judgement.row_set, judgement.rows);
+        Some((split, row_set, rows, figure, value, interval.low, interval.high, fold_mean))
     })
 }
 

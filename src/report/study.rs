@@ -1,11 +1,16 @@
 //! The statistics of a study's ratings as aligned text and as Markdown, from one list of blocks.
 
 use super::tables::Table;
+use crate::dataset::manifest;
 use crate::panel::anova::Anova;
 use crate::panel::intraclass::Intraclass;
-use crate::panel::record::{BoxSet, IlluminationComparison, Panel, Spread, StudyRecord, TypeComparison};
+use crate::panel::parameters::OF_STUDY;
+use crate::panel::record::{
+    BoxSet, IlluminationComparison, ManifoldCorrelation, ModelComparison, Panel, StudyRecord, TypeComparison,
+};
 use crate::panel::screening::{Criterion, GOLD_ACCURACY, GOLD_TOLERANCE, LEAST_SECONDS};
 use crate::panel::t_test::TTest;
+use vernis_metric::io::counted;
 use vernis_metric::math::quantile::Interval;
 
 const SYNTHETIC: &str =
@@ -74,6 +79,7 @@ pub(super) fn blocks(record: &StudyRecord) -> Vec<Block> {
             Block::Table(light_table(both)),
         ]);
     }
+    blocks.extend(models(record));
     let anovas: Vec<&Anova> = record.anova_two_way.iter().chain(&record.anova_three_way).collect();
     if !anovas.is_empty() {
         blocks.push(Block::Heading("Analysis of variance"));
@@ -99,13 +105,13 @@ fn what_was_rated(record: &StudyRecord) -> String {
     let part = if record.found == record.known || record.panel.is_some() {
         String::new()
     } else {
-        format!(" {} of the study's {} rated pairs are here.", record.found, record.known)
+        format!(" Of the study's {}, {} are here.", counted(record.known, "rated pair"), record.found)
     };
     format!(
-        "{} stimuli of {} materials and {} methods, {lights}.{part}",
-        record.opinions.len(),
-        record.materials,
-        record.methods
+        "{} of {} and {}, {lights}.{part}",
+        counted(record.opinions.len(), "stimulus"),
+        counted(record.materials, "material"),
+        counted(record.methods, "method")
     )
 }
 
@@ -128,9 +134,9 @@ fn raters(panel: &Panel) -> String {
     let rejected: Vec<&str> = panel.rejected().map(|p| p.name.as_str()).collect();
     let names = if rejected.is_empty() { String::new() } else { format!(" Rejected: {}.", rejected.join(", ")) };
     format!(
-        "{} judgements of {} participants, of {} who took part.{}{}\nScreening: {}.{names}",
-        panel.judgements,
-        panel.participants,
+        "{} of {}, of {} who took part.{}{}\nScreening: {}.{names}",
+        counted(panel.judgements, "judgement"),
+        counted(panel.participants, "participant"),
         panel.screened.len(),
         each("Judgements per participant", panel.judgements_each),
         each("Raters per stimulus", panel.raters_each),
@@ -141,14 +147,7 @@ fn raters(panel: &Panel) -> String {
 fn spread(record: &StudyRecord) -> String {
     let widths: Vec<f64> = record.opinions.iter().filter_map(|o| o.opinion.width()).collect();
     let half = 0.5 * widths.iter().sum::<f64>() / widths.len().max(1) as f64;
-    let how = match record.spread {
-        Spread::Scores => "Student's t of the scores of each stimulus".to_owned(),
-        Spread::NoiseModel { a, raters } => {
-            format!(
-                "ASSUMED, because the study gives only means: variance {a} (-x^2 + 6x - 5), {raters} raters per stimulus"
-            )
-        }
-    };
+    let how = &record.intervals;
     format!("1 is very poor, 5 excellent. 95 % intervals of single means are +-{half:.2} on average ({how}).")
 }
 
@@ -174,8 +173,12 @@ fn agreement(record: &StudyRecord) -> Vec<Block> {
     let mut blocks = vec![Block::Heading("Agreement")];
     if let Some(s) = &record.split_half {
         blocks.push(Block::Text(format!(
-            "Halves of the panel, {} random splits: Pearson {:.3} (SD {:.3}), Spearman {:.3} (SD {:.3}).",
-            s.splits, s.pearson.mean, s.pearson.deviation, s.spearman.mean, s.spearman.deviation
+            "Halves of the panel, {}: Pearson {:.3} (SD {:.3}), Spearman {:.3} (SD {:.3}).",
+            counted(s.splits, "random split"),
+            s.pearson.mean,
+            s.pearson.deviation,
+            s.spearman.mean,
+            s.spearman.deviation
         )));
     }
     if let Some(e) = &record.expected_reliability {
@@ -276,17 +279,85 @@ fn light_table(both: &IlluminationComparison) -> Table {
     table
 }
 
+/// Models: their parameters where the paper counts them, pairwise tests, and the manifold's samples.
+fn models(record: &StudyRecord) -> Vec<Block> {
+    let mut blocks: Vec<Block> = parameters(record).map(Block::Table).into_iter().collect();
+    blocks.extend(record.models.iter().flat_map(|found| pairwise(found)));
+    blocks.extend(record.manifold.as_ref().map(|found| Block::Text(format!("{}.", manifold(found)))));
+    if !blocks.is_empty() {
+        blocks.insert(0, Block::Heading("Models"));
+    }
+    blocks
+}
+
+/// Of the published study alone: methods of other studies may go by the same names.
+fn parameters(record: &StudyRecord) -> Option<Table> {
+    let rated = |family: &str| record.opinions.iter().any(|o| o.stimulus.method_family == family);
+    let mut table = Table::new(
+        "Parameters of the models, as section 5.5 of Lavoué et al. 2021 counts them",
+        &["model", "in the ratings", "parameters", ""],
+    );
+    for model in OF_STUDY.iter().filter(|model| manifest::NAMES.contains(&record.study.as_str()) && rated(model.family))
+    {
+        let number = model.parameters.map_or("-".to_owned(), |n| n.to_string());
+        table.rows.push([model.model, model.family, &number, model.note].map(str::to_owned).into());
+    }
+    (!table.rows.is_empty()).then_some(table)
+}
+
+fn pairwise(found: &ModelComparison) -> Vec<Block> {
+    let Some(first) = found.models.first() else { return Vec::new() };
+    let with_first = found.pairs.iter().filter(|pair| pair.models.contains(first));
+    let largest =
+        with_first.map(|pair| pair.holm_p).fold(None, |most: Option<f64>, p| Some(most.map_or(p, |m| m.max(p))));
+    let left_out = found.left_out.as_ref().map_or(String::new(), |words| format!(" {words}."));
+    let mut blocks = vec![Block::Text(format!(
+        "Of {}, {first} has the highest mean{}. Of several fits of a model to a material the better one counts.{left_out}",
+        counted(found.models.len(), "model"),
+        largest.map_or(String::new(), |p| format!(", p at most {} against each other one", probability(p)))
+    ))];
+    if !found.pairs.is_empty() {
+        let title = format!(
+            "{} of models, paired t-tests on the materials that both were fitted to, p corrected by Holm",
+            counted(found.pairs.len(), "pair")
+        );
+        let columns: Vec<&str> = TEST_COLUMNS.into_iter().chain(["p, corrected"]).collect();
+        let mut table = Table::new(title, &columns);
+        for pair in &found.pairs {
+            let mut row = test_row(&pair.models.join(" - "), &pair.mos);
+            row.push(probability(pair.holm_p));
+            table.rows.push(row);
+        }
+        blocks.push(Block::Table(table));
+    }
+    blocks
+}
+
+/// The correlation of figure 11, without its end.
+pub(super) fn manifold(found: &ManifoldCorrelation) -> String {
+    format!(
+        "Samples of the manifold, {} at (i/{})^5 of its diameter from the reference: MOS and distance correlate, Pearson {:.3} {}, \
+         Spearman {:.3} {} (95 % by bootstrap of materials; below 0, because opinions fall with the distance)",
+        counted(found.stimuli, "stimulus"),
+        found.steps,
+        found.pearson,
+        interval(found.pearson_interval),
+        found.spearman,
+        interval(found.spearman_interval)
+    )
+}
+
 fn anova_table(anova: &Anova) -> Table {
     let main: Vec<&str> = anova.terms.iter().filter(|t| t.factors.len() == 1).map(|t| t.factors[0].as_str()).collect();
     let empty = match anova.empty_cells {
         0 => String::new(),
-        n => format!(", {n} of {} combinations without a row", anova.cells),
+        n => format!(", {n} of {} without a row", counted(anova.cells, "combination")),
     };
     let title = format!(
-        "MOS by {}: Type {} sums of squares, {} rows{empty}",
+        "MOS by {}: Type {} sums of squares, {}{empty}",
         main.join(" x "),
         anova.sums_of_squares,
-        anova.rows
+        counted(anova.rows, "row")
     );
     let mut table =
         Table::new(title, &["term", "sum of squares", "degrees of freedom", "F", "p", "partial eta squared"]);
@@ -309,7 +380,8 @@ fn anova_table(anova: &Anova) -> Table {
 fn box_table(set: &BoxSet) -> Table {
     let columns =
         ["of", "n", "mean [95 % by material]", "median", "quartiles", "whiskers", "outliers", "median interval width"];
-    let mut table = Table::new(set.title.as_str(), &columns);
+    let note = set.note.as_ref().map_or(String::new(), |note| format!(". {note}"));
+    let mut table = Table::new(format!("{}{note}", set.title), &columns);
     for b in &set.boxes {
         let range = |r: [f64; 2]| format!("{} to {}", number(r[0]), number(r[1]));
         table.rows.push(vec![

@@ -3,11 +3,13 @@
 use super::ReportError;
 use super::tables::Table;
 use crate::experiment::sweep::{GAMMAS, Judged, SweepRecord, SweepRow};
+use vernis_metric::io::counted;
 
 /// Rows of the Markdown table; the CSV has all.
 const SHOWN: usize = 40;
 
-fn words(judged: Judged) -> String {
+fn words(judged: impl Into<Option<Judged>>) -> String {
+    let Some(judged) = judged.into() else { return "-".to_owned() };
     format!("{:.3} [{:.3}, {:.3}]", judged.value, judged.interval.low, judged.interval.high)
 }
 
@@ -22,7 +24,8 @@ fn table(title: String, rows: &[SweepRow]) -> Table {
 /// The nested choice: what the sweep found that a reader may expect of other materials.
 pub fn nested(record: &SweepRecord) -> Table {
     let SweepRecord { study, rows, folds, .. } = record;
-    table(format!("{study}, {rows} pairs, out of fold ({folds} folds by material), 95 % intervals"), &record.nested)
+    let (rows, folds) = (counted(*rows, "pair"), counted(*folds, "fold"));
+    table(format!("{study}, {rows}, out of fold ({folds} by material), 95 % intervals"), &record.nested)
 }
 
 /// The best in sample.
@@ -40,25 +43,33 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
 /// `found` of the combinations that `command` asks for are in the record, `asked` they are.
 pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2]) -> String {
     let mut text = format!(
-        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {asked} combinations that this command asks for, \
-         {} of them refused and the others with {} powers gamma each; {} resamples of materials, seed {}.\n\n",
+        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {} that this command asks for, \
+         {} of them refused and the others with {} powers gamma each; {} of materials, seed {}. Versions: {}.\n\n",
+        counted(asked, "combination"),
         record.refused.len(),
         GAMMAS.len(),
-        record.resamples,
-        record.seed
+        counted(record.resamples, "resample"),
+        record.seed,
+        record.versions.iter().map(|(name, version)| format!("{name} {version}")).collect::<Vec<_>>().join(", ")
     );
     if found < asked {
         text += "**Not all are computed yet**: a missing combination may be better than those below.\n\n";
     }
     text += &nested(record).to_markdown();
+    if record.nested.iter().any(|row| row.plcc_raw.is_none()) {
+        text += "\nA raw PLCC is missing where the folds chose several distances: they have no unit in common.\n";
+    }
     text += "\n";
     text += &best(record, SHOWN).to_markdown();
     if !record.refused.is_empty() {
-        text += &format!("\n{} combinations were refused:\n\n", record.refused.len());
+        let were = if record.refused.len() == 1 { "was" } else { "were" };
+        text += &format!("\n{} {were} refused:\n\n", counted(record.refused.len(), "combination"));
         for (reason, names) in by_reason(&record.refused) {
             let others = names.len() - 1;
-            let others =
-                if others == 0 { String::new() } else { format!(" and {others} others to `{}`", names[others]) };
+            let others = match others {
+                0 => String::new(),
+                n => format!(" and {} to `{}`", counted(n, "other"), names[n]),
+            };
             text += &format!("* `{}`{others}: {reason}\n", names[0]);
         }
     }
@@ -86,9 +97,12 @@ pub fn csv(record: &SweepRecord) -> Result<Vec<u8>, ReportError> {
     writer.write_record(header).map_err(|e| failed(e.to_string()))?;
     let nested = record.nested.iter().map(|row| ("out of fold", row));
     for (split, row) in nested.chain(record.in_sample.iter().map(|row| ("in sample", row))) {
-        let numbers = [row.plcc, row.srocc, row.plcc_raw]
-            .into_iter()
-            .flat_map(|j| [j.value, j.interval.low, j.interval.high].map(|x| x.to_string()));
+        let cells = |judged: Option<Judged>| {
+            judged.map_or([const { String::new() }; 3], |j| {
+                [j.value, j.interval.low, j.interval.high].map(|x| x.to_string())
+            })
+        };
+        let numbers = [Some(row.plcc), Some(row.srocc), row.plcc_raw].into_iter().flat_map(cells);
         let line = [split.to_owned(), row.name.clone()].into_iter().chain(numbers);
         writer.write_record(line).map_err(|e| failed(e.to_string()))?;
     }

@@ -4,6 +4,7 @@ use crate::evaluation::agreement::Figure;
 use crate::evaluation::bootstrap::{Difference, Interval};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, Judgement, MetricRecord, RowSet, Split};
 use maud::{Markup, html};
+use vernis_metric::io::counted;
 
 /// A table of words; the first column is a label, the others are numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +55,7 @@ impl Table {
     /// An HTML table with the title as its caption.
     pub fn to_html(&self) -> Markup {
         html! {
-            div.table {
+            div.table role="region" aria-label=(self.title) tabindex="0" {
                 table {
                     caption { (self.title) }
                     thead { tr { @for column in &self.columns { th scope="col" { (column) } } } }
@@ -94,7 +95,7 @@ pub fn all_metrics(record: &BenchmarkRecord) -> Table {
 
 fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: String) -> Table {
     let aside = format!("without {}", record.set_aside.join(", "));
-    let mut columns = vec!["metric", "PLCC", "SROCC", "KROCC", "RMSE", "within material", "raw PLCC"];
+    let mut columns = vec!["metric", "PLCC", "SROCC", "mean of folds", "KROCC", "RMSE", "within material", "raw PLCC"];
     let with_aside = !record.set_aside.is_empty();
     if with_aside {
         columns.push(&aside);
@@ -108,6 +109,7 @@ fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: Str
             metric.name.clone(),
             with_interval(main, Figure::Plcc),
             with_interval(main, Figure::Srocc),
+            fold_means(main),
             value(main, Figure::Krocc),
             value(main, Figure::Rmse),
             value(main, Figure::WithinMaterialSrocc),
@@ -148,10 +150,13 @@ pub fn differences(record: &BenchmarkRecord) -> Table {
     table
 }
 
-/// The metric retrained on other sets of descriptors.
+/// The model of the ablation, retrained on other sets of descriptors.
 pub fn ablation(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
-        "Ablation: the metric retrained with other descriptors, unseen material (change against the full metric)",
+        format!(
+            "Ablation: {0} retrained with other descriptors, unseen material (change against {0} with all of its own)",
+            record.retrained
+        ),
         &["descriptors", "number", "PLCC", "change", "SROCC", "change", "within material", "unseen method"],
     );
     for found in &record.ablation {
@@ -174,7 +179,10 @@ pub fn ablation(record: &BenchmarkRecord) -> Table {
 /// What exchanging descriptors between rows costs.
 pub fn importance(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
-        "Permutation importance: change when descriptors are exchanged between unseen rows, families first",
+        format!(
+            "Permutation importance: change of {} when descriptors are exchanged between unseen rows, families first",
+            record.retrained
+        ),
         &["descriptors", "number", "PLCC", "SROCC"],
     );
     for found in &record.importance {
@@ -187,7 +195,10 @@ pub fn importance(record: &BenchmarkRecord) -> Table {
 /// Agreement by the number of materials that were trained on.
 pub fn learning_curve(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
-        "Learning curve: agreement on unseen materials by the groups of materials trained on",
+        format!(
+            "Learning curve: agreement of {} on unseen materials by the groups of materials trained on",
+            record.retrained
+        ),
         &["groups", "PLCC", "SROCC"],
     );
     for point in &record.learning_curve {
@@ -215,6 +226,39 @@ pub fn residuals(record: &BenchmarkRecord, most: usize) -> Table {
         ]);
     }
     table
+}
+
+/// What a run has to say where its metric, on unseen materials, agrees less well than one that was not learned: a sentence for its
+/// last lines. `None` where nothing is better by either correlation.
+pub fn defeat(record: &BenchmarkRecord) -> Option<String> {
+    let unseen = |metric: &MetricRecord| {
+        let judgement = metric.judgement(Split::UnseenMaterial, RowSet::All)?;
+        Some([judgement.agreement.plcc, judgement.agreement.srocc])
+    };
+    let subject = record.headline_metrics().into_iter().next()?;
+    let own = unseen(subject)?;
+    let others: Vec<(&MetricRecord, [f64; 2])> = record
+        .metrics
+        .iter()
+        .filter(|metric| !metric.kind.is_learned())
+        .filter_map(|metric| Some((metric, unseen(metric)?)))
+        .collect();
+    let better: Vec<&(&MetricRecord, [f64; 2])> =
+        others.iter().filter(|(_, theirs)| theirs[0] > own[0] || theirs[1] > own[1]).collect();
+    let lead = |theirs: &[f64; 2]| theirs[0] - own[0] + (theirs[1] - own[1]);
+    let (best, theirs) = better.iter().max_by(|a, b| lead(&a.1).total_cmp(&lead(&b.1)))?;
+    Some(format!(
+        "The learned metric {} loses under cross-validation to {} of {} that were not learned, above all to {}: PLCC {} against {}, \
+         SROCC {} against {}, unseen material.",
+        subject.name,
+        better.len(),
+        counted(others.len(), "metric"),
+        best.name,
+        plain(own[0]),
+        plain(theirs[0]),
+        plain(own[1]),
+        plain(theirs[1]),
+    ))
 }
 
 /// The metric that the run is about.
@@ -261,6 +305,12 @@ fn value(judgement: Option<&Judgement>, figure: Figure) -> String {
 fn with_interval(judgement: Option<&Judgement>, figure: Figure) -> String {
     let found = judgement.and_then(|j| Some((j.agreement.get(figure)?, j.intervals.get(figure)?)));
     found.map_or(NONE.to_owned(), |(value, range)| format!("{} {}", plain(value), interval(range, plain)))
+}
+
+/// PLCC and SROCC, each the mean of the folds' own.
+fn fold_means(judgement: Option<&Judgement>) -> String {
+    let found = judgement.and_then(|j| j.fold_means);
+    found.map_or(NONE.to_owned(), |means| format!("{} / {}", plain(means.plcc), plain(means.srocc)))
 }
 
 /// PLCC and SROCC.

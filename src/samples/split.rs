@@ -8,6 +8,7 @@ use rand::seq::SliceRandom;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use vernis_metric::descriptor::Column;
+use vernis_metric::io::counted;
 use vernis_metric::math::resampling::places;
 use vernis_metric::math::seed;
 
@@ -16,7 +17,7 @@ use vernis_metric::math::seed;
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum SplitError {
-    #[error("{folds} folds need at least {folds} groups of materials, but the study has {groups}")]
+    #[error("{} need at least {} of materials, but the study has {groups}", counted(*folds, "fold"), counted(*folds, "group"))]
     TooFewGroups { folds: usize, groups: usize },
     #[error("the number of folds is {folds}; it must be at least 2")]
     TooFewFolds { folds: usize },

@@ -4,7 +4,7 @@
 //! is what choosing "the best of 36 variants" honestly means: picked on all rows, the choice would leak the held-out
 //! ratings. Source of the map: [`Logistic4`]. Cost: a rank correlation and one logistic fit a column.
 
-use super::{Predictor, TrainError, Trainer, check_set};
+use super::{Predictor, TrainError, Trainer, Unmapped, check_set};
 use crate::samples::split::TrainingSet;
 use ndarray::ArrayView2;
 use vernis_metric::math::correlation::{pearson, spearman};
@@ -52,6 +52,11 @@ pub struct MappedColumn {
 impl Predictor for MappedColumn {
     fn predict(&self, features: ArrayView2<'_, f64>) -> Vec<f64> {
         features.column(self.index).iter().map(|&x| self.map.predict(x)).collect()
+    }
+
+    fn unmapped(&self, features: ArrayView2<'_, f64>) -> Option<Unmapped> {
+        let values = features.column(self.index).iter().map(|x| -x).collect();
+        Some(Unmapped { column: self.column.clone(), values })
     }
 }
 

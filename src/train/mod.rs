@@ -28,6 +28,7 @@ pub mod trivial;
 use crate::samples::split::{SplitError, TrainingSet};
 use ndarray::ArrayView2;
 use thiserror::Error;
+use vernis_metric::io::counted;
 use vernis_metric::math::logistic::LogisticError;
 use vernis_metric::metric::learned::{Regressor, RegressorError};
 
@@ -43,19 +44,19 @@ pub const INNER_FOLDS: usize = 5;
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum TrainError {
-    #[error("{trainer}: the training set has {found} rows; it must have at least {needed}")]
+    #[error("{trainer}: the training set has {}; it must have at least {needed}", counted(*found, "row"))]
     TooFewRows { trainer: String, found: usize, needed: usize },
     #[error("{trainer}: all {rows} ratings are equal ({value}); there is nothing to learn")]
     EqualRatings { trainer: String, rows: usize, value: f64 },
     #[error("{trainer}: no descriptor compares candidate and reference, or none varies over the training rows")]
     NoDifference { trainer: String },
-    #[error("{trainer}: column {column} does not exist; the training set has {available} columns")]
+    #[error("{trainer}: column {column} does not exist; the training set has {}", counted(*available, "column"))]
     UnknownColumn { trainer: String, column: String, available: usize },
     #[error("{trainer}: {what} is {value}; it must be {allowed}")]
     Option { trainer: String, what: &'static str, value: f64, allowed: &'static str },
     #[error("{trainer}: the {size}x{size} system of {what} is singular")]
     Singular { trainer: String, what: &'static str, size: usize },
-    #[error("{trainer}: training diverged: {what} is not finite after {epochs} epochs")]
+    #[error("{trainer}: training diverged: {what} is not finite after {}", counted(*epochs, "epoch"))]
     Diverged { trainer: String, what: &'static str, epochs: usize },
     #[error("{trainer}: {reason}")]
     Solver { trainer: String, reason: String },
@@ -84,10 +85,24 @@ pub trait Predictor: Send + Sync {
     /// 1..=5.
     fn predict(&self, features: ArrayView2<'_, f64>) -> Vec<f64>;
 
+    /// What a model that only chooses and maps one column goes by, before the map; `None` for every other model.
+    fn unmapped(&self, _features: ArrayView2<'_, f64>) -> Option<Unmapped> {
+        None
+    }
+
     /// The portable form, where the model has one: exact at identity and free of training crates.
     fn regressor(&self) -> Option<&Regressor> {
         None
     }
+}
+
+/// A column as a model found it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unmapped {
+    /// Name of the column.
+    pub column: String,
+    /// Its values, one a row; a distance enters negated, so that larger is better.
+    pub values: Vec<f64>,
 }
 
 impl Predictor for Regressor {

@@ -115,6 +115,12 @@ fn compare_prints_the_same_numbers_as_text_and_as_json() {
     let value = |name: &str| found["distances"][name].as_f64().expect("a number");
     let names: Vec<&str> = found["distances"].as_object().expect("an object").keys().map(String::as_str).collect();
     assert_eq!(names, ["D1", "D6", "vernis"]);
+    // Every number comes with the version of what made it: those that `vernis metrics` lists.
+    let listed = place.json(&["metrics", "--json"]);
+    for metric in listed.as_array().expect("a list").iter().filter(|m| names.iter().any(|name| m["name"] == *name)) {
+        assert_eq!(found["versions"][metric["name"].as_str().unwrap()], metric["version"], "{metric}");
+    }
+    assert_eq!(found["versions"].as_object().map(|v| v.len()), Some(3));
     assert!(value("vernis") > 0.0 && value("D1") > 0.0);
     // D1 is the root of the sum of the channels' squares; D6 has no channels.
     let channels: Vec<f64> = serde_json::from_value(found["channels"]["D1"].clone()).expect("three numbers");
@@ -171,6 +177,8 @@ fn describe_tells_what_a_brdf_is() {
     let place = Place::new();
     let found = place.json(&["describe", "ward.json", "--json"]);
     assert_eq!(found["brdf"], "ward.json");
+    assert_eq!(found["versions"]["vernis"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(found["versions"]["descriptors"], vernis::descriptor::VERSION);
     assert_eq!(found["sha256"].as_str().map(str::len), Some(64));
     assert_eq!(found["cells"], Value::Null);
     assert_eq!(found["descriptors"].as_object().map(|d| d.len()), Some(10));
@@ -294,7 +302,7 @@ fn csv_files_of_pairs_are_refused_by_line() {
         ),
         (
             "reference,candidate\nward.json,ggx.json\n\nward.json\n",
-            &["pairs.csv, line 4: the row has 1 fields; it must have 2"],
+            &["pairs.csv, line 4: the row has 1 field; it must have 2"],
         ),
         ("reference,candidate\nward.json,\n", &["pairs.csv, line 2: `candidate` is empty"]),
         ("reference,candidate\nward.json,no.binary\n", &["pairs.csv, line 2: no.binary: no such file"]),

@@ -128,6 +128,13 @@ fn a_benchmark_is_read() {
     let record: BenchmarkRecord = serde_json::from_slice(&fs::read(file("benchmark.json")).unwrap()).unwrap();
     assert_eq!((record.rows, record.materials, record.study.as_str()), (32, 8, "tiny"));
     assert!(record.headline_metrics().len() > 5);
+    // What came later is missing, and what was not named then is known.
+    let judgement = &record.metrics[0].judgements[0];
+    assert_eq!((judgement.fold_means, judgement.agreement.plcc_raw), (None, Some(0.95947440616854)));
+    let retrained = record.retrained_metric().expect("the model of the ablation is among the metrics");
+    #[cfg(feature = "train")]
+    assert_eq!(retrained.name, vernis::train::Trainer::name(&vernis::train::recipe::plain_kernel()));
+    assert!(retrained.note.contains("ablation"), "{}", retrained.note);
 }
 
 /// A combination of a sweep had no seal and no version of its metric: it is named and computed again.

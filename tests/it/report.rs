@@ -127,6 +127,7 @@ fn make_record() -> BenchmarkRecord {
         headline: headline.iter().map(|s| (*s).to_owned()).collect(),
         metrics: metrics.iter().map(JudgedMetric::record).collect(),
         differences: jury.differences(&metrics, &pairs, &[Figure::Plcc, Figure::Srocc]).unwrap(),
+        retrained: "D5".into(),
         ablation: vec![ablation("without lights", 24, 1), ablation("only angular", 14, 2)],
         importance: vec![importance("lights", 18, 1), importance("angular", 14, 7), importance("cxexc", 1, 12)],
         learning_curve: vec![learning(6.0, 1), learning(24.0, 0)],
@@ -282,6 +283,103 @@ fn an_unwritable_folder_is_found_before_the_work() {
     assert_eq!(fs::read(dir.path().join("taken")).unwrap(), b"results of yesterday");
 }
 
+/// The bars of one figure are of one model, and captions name it.
+#[test]
+fn captions_name_the_model_that_was_retrained() {
+    let record = record(false);
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record);
+    let (page, markdown) = (read(&folder, "report.html"), read(&folder, "report.md"));
+    for text in [&page, &markdown] {
+        assert!(text.contains("Ablation: D5 retrained with other descriptors"), "{text}");
+        assert!(text.contains("Permutation importance: change of D5 when"));
+        assert!(text.contains("Learning curve: agreement of D5 on unseen materials"));
+    }
+    #[cfg(feature = "train")]
+    {
+        // The words of a drawing, in their order: the first bar is the same model on all of its descriptors, with its own value.
+        let svg = read(&folder, "ablation.svg");
+        let words: Vec<&str> =
+            svg.split("<text").skip(1).filter_map(|w| w.split_once('>')?.1.split('<').next()).collect();
+        let words: Vec<&str> = words.into_iter().map(str::trim).collect();
+        let at = words.iter().position(|w| *w == "D5 (full)").expect("a bar of all descriptors");
+        let full = record.metric("D5").unwrap().judgements[0].agreement;
+        let expected = [full.plcc, full.srocc].map(|x| format!("{x:.2}"));
+        assert_eq!(words[at + 1..at + 3], [expected[0].as_str(), expected[1].as_str()], "{words:?}");
+        assert!(!words.contains(&"vernis (full)"));
+        let rows = "Rows: 360 rated pairs of 60 materials, each predicted by the one of 5 folds that held";
+        for caption in [
+            "Agreement of D5 on unseen materials: first",
+            "Loss of D5 when",
+            "Agreement of D5 on unseen materials when",
+        ] {
+            let line = markdown.lines().find(|line| line.starts_with(caption)).expect(caption);
+            assert!(line.contains(rows) && !line.contains("landmark"), "{line}");
+        }
+    }
+    // A record of before the model was named still has its bars.
+    let mut old = serde_json::to_value(&record).unwrap();
+    old.as_object_mut().unwrap().remove("retrained");
+    assert_eq!(serde_json::from_value::<BenchmarkRecord>(old).unwrap().retrained, "nystroem-ridge");
+}
+
+#[test]
+fn the_mean_of_folds_stands_beside_the_correlation_over_all_rows() {
+    let record = record(false);
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record);
+    let markdown = read(&folder, "report.md");
+    assert!(
+        markdown.contains("| SROCC | mean of folds |") && markdown.contains("biased downwards for weak predictors")
+    );
+    let metric = record.metric("D9.Cl").unwrap();
+    let means = metric.judgements[0].fold_means.unwrap();
+    let of_folds: Vec<f64> = metric.folds.iter().map(|fold| fold.plcc.unwrap()).collect();
+    assert!((means.plcc - of_folds.iter().sum::<f64>() / 5.0).abs() < 1e-12 && means.folds == 5);
+    assert!(markdown.contains(&format!("| {:.3} / {:.3} |", means.plcc, means.srocc)));
+    let csv = read(&folder, "metrics.csv");
+    assert!(csv.lines().next().unwrap().ends_with(",low,high,fold_mean"));
+    let line = csv.lines().find(|line| line.starts_with("D9.Cl,,lp,unseen-material,all,360,plcc,")).unwrap();
+    assert!(line.ends_with(&format!(",{}", means.plcc)), "{line}");
+    // In sample nothing was held out.
+    assert!(csv.lines().filter(|line| line.contains(",in-sample,")).all(|line| line.ends_with(',')));
+}
+
+#[test]
+fn a_learned_metric_that_loses_says_so() {
+    use vernis::report::tables::defeat;
+    let whole = record(false);
+    let best = |record: &BenchmarkRecord| record.metrics[0].judgements[0].agreement.plcc;
+    assert!(whole.metrics[1..].iter().all(|m| m.judgements[0].agreement.plcc < best(&whole)));
+    assert_eq!(defeat(&whole), None);
+    // The same distances under the name of what is exported: D9.Cl.CR is better than the noisiest of them.
+    let mut poor = whole.clone();
+    poor.metrics[0].judgements = poor.metric("D1").unwrap().judgements.clone();
+    let words = defeat(&poor).unwrap();
+    assert!(words.starts_with("The learned metric vernis loses under cross-validation to "), "{words}");
+    assert!(words.contains(" of 38 metrics that were not learned, above all to D9.Cl.CR: PLCC "), "{words}");
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &poor);
+    assert!(read(&folder, "report.html").contains(&words) && read(&folder, "report.md").contains(&words));
+    // Other learned models are no classical metrics.
+    poor.metrics.retain(|metric| metric.name == "vernis" || metric.name == "D9.Cl.CR");
+    poor.metrics[1].kind = MetricKind::Baseline;
+    assert_eq!(defeat(&poor), None);
+    poor.metrics[1].kind = MetricKind::Lp;
+    assert!(defeat(&poor).unwrap().contains("to 1 of 1 metric that"), "{:?}", defeat(&poor));
+}
+
+#[test]
+fn one_of_a_thing_is_singular() {
+    let record = BenchmarkRecord { rows: 1, materials: 1, groups: 1, folds: 1, resamples: 1, ..record(false) };
+    let dir = tempfile::tempdir().unwrap();
+    let markdown = read(&report(dir.path(), &record), "report.md");
+    assert!(markdown.contains("`1 rated pair, 1 material in 1 group of sisters, 1 fold, 1 resample`"), "{markdown}");
+    for wrong in ["1 rated pairs", "1 materials", "1 folds", "1 resamples", "1 metrics", "1 methods"] {
+        assert!(!markdown.contains(&format!(" {wrong}")) && !markdown.contains(&format!("`{wrong}")), "{wrong}");
+    }
+}
+
 /// `vernis report` on the embedded study: figures of the ratings that can be drawn, sentences for the others, every link there.
 #[test]
 fn the_page_of_a_study_shows_its_ratings_and_says_what_is_missing() {
@@ -308,6 +406,8 @@ fn the_page_of_a_study_shows_its_ratings_and_says_what_is_missing() {
         "methods",
         "mos-by-type",
         "interval-widths",
+        "mos-of-references-by-type",
+        "interval-widths-of-references",
         "mos-by-method",
         "mos-by-model",
         "mos-by-light-and-type",

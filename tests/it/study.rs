@@ -71,6 +71,105 @@ fn of_several_fits_of_a_model_the_better_one_counts() {
     }
 }
 
+/// Four materials of two types; `scores(method, material)` are those of two raters.
+fn designed(methods: &[(&str, &str)], scores: impl Fn(&str, usize) -> Option<[f64; 2]>) -> StudyOpinions {
+    let mut text = "participant,material,method,score,material_type\n".to_owned();
+    for material in 0..4 {
+        for (method, _) in methods {
+            for (who, score) in scores(method, material).into_iter().flatten().enumerate() {
+                let kind = if material < 2 { "Metal" } else { "Dielectric" };
+                text += &format!("p{who},m{material},{method},{score},{kind}\n");
+            }
+        }
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("designed.csv");
+    fs::write(&path, text).unwrap();
+    let mut opinions = StudyOpinions::load_raw(&path).unwrap();
+    for stimulus in &mut opinions.stimuli {
+        let (_, family) = methods.iter().find(|(method, _)| *method == stimulus.method).unwrap();
+        stimulus.method_family = (*family).to_owned();
+    }
+    opinions
+}
+
+/// Samples of a manifold are no fits, and a model that lacks a material has no place beside those that have all.
+#[test]
+fn models_are_compared_where_all_were_fitted_and_manifolds_are_none() {
+    let methods = [
+        ("WARD", "WARD"),
+        ("WARD-OURS", "WARD"),
+        ("SGD", "SGD"),
+        ("CHEBYCHEV", "RATIONAL"),
+        ("GPLVM_APPROX.1", "GPLVM"),
+        ("GPLVM_APPROX.2", "GPLVM"),
+        ("REFERENCE", "REFERENCE"),
+    ];
+    let opinions = designed(&methods, |method, material| {
+        let wave = [0.0, 0.5, 0.25, 0.0][material];
+        Some(match method {
+            "WARD" => [1.0 + wave, 2.0],
+            "WARD-OURS" => [2.0 + wave, 3.0],
+            "SGD" => [3.0 + wave * wave, 4.0],
+            "CHEBYCHEV" if material == 3 => return None,
+            "CHEBYCHEV" => [4.0, 5.0],
+            "GPLVM_APPROX.1" => [5.0, 4.5],
+            "GPLVM_APPROX.2" => [2.0 - wave, 1.0],
+            _ => [5.0, 4.5 + wave],
+        })
+    });
+    let record = describe(&opinions, &Options::default()).unwrap();
+    let set = record.boxes.iter().find(|set| set.title == vernis::panel::BY_MODEL).unwrap();
+    assert_eq!(set.boxes.iter().map(|b| b.levels[0].as_str()).collect::<Vec<_>>(), ["REFERENCE", "SGD", "WARD"]);
+    let note = set.note.as_deref().unwrap();
+    assert!(
+        note.ends_with("GPLVM (samples of a manifold, no fits of a model), RATIONAL (fitted to 3 of 4 materials)"),
+        "{note}"
+    );
+    let models = record.models.as_ref().unwrap();
+    assert_eq!((models.models.as_slice(), models.pairs.len()), (&["SGD".to_owned(), "WARD".to_owned()][..], 1));
+    let test = paired(&[3.5, 3.625, 3.53125, 3.5], &[2.5, 2.75, 2.625, 2.5]).unwrap();
+    assert_eq!((models.pairs[0].mos.difference, models.pairs[0].holm_p), (test.difference, test.p));
+    // The samples: distance (1/2)^5 and 1.
+    let found = record.manifold.as_ref().unwrap();
+    let distances: Vec<f64> = [[1.0 / 32.0; 4], [1.0; 4]].concat();
+    let mos = [4.75, 4.75, 4.75, 4.75, 1.5, 1.25, 1.375, 1.5];
+    assert!((found.pearson - pearson(&distances, &mos).unwrap()).abs() < 1e-12, "{found:?}");
+    assert!(found.pearson < -0.9 && (found.stimuli, found.steps) == (8, 2));
+    let page = vernis::report::study::markdown(&record);
+    for part in
+        [note, "1 pair of models, paired t-tests", "Of 2 models, SGD has the highest mean", "8 stimuli at (i/2)^5"]
+    {
+        assert!(page.contains(part), "{part}: {page}");
+    }
+    // The embedded study: its steps lead to another material, and one of its methods is for some materials alone.
+    let set = RECORD.boxes.iter().find(|set| set.title == vernis::panel::BY_MODEL).unwrap();
+    assert!(set.boxes.iter().all(|b| !["STEPS", "LOST-HAZE"].contains(&b.levels[0].as_str())));
+    let models = RECORD.models.as_ref().unwrap();
+    assert_eq!((models.models.len(), models.pairs.len()), (5, 10));
+    assert!(models.pairs.iter().all(|pair| pair.holm_p >= pair.mos.p && pair.mos.numbers == [40; 2]));
+}
+
+#[test]
+fn all_raters_alike_leave_an_interval() {
+    let methods = [("A", "A"), ("B", "B")];
+    let opinions = designed(&methods, |method, material| {
+        Some(if method == "A" { [1.0; 2] } else { [2.0, material as f64 + 1.0] })
+    });
+    let record = describe(&opinions, &Options::default()).unwrap();
+    let unanimous = record.opinions.iter().filter(|o| o.stimulus.method == "A").map(|o| o.opinion);
+    assert!(unanimous.into_iter().all(|o| o.deviation == Some(0.0) && o.width().is_some_and(|w| w > 0.5)));
+    let text = vernis::report::study::text(&record);
+    assert!(
+        record.intervals.contains("for 5 stimuli whose scores are all equal") && text.contains(&record.intervals),
+        "{text}"
+    );
+    // One material, one method, and so on: one of a thing.
+    let one = designed(&[("A", "A")], |_, material| (material == 0).then_some([1.0, 2.0]));
+    let text = vernis::report::study::text(&describe(&one, &Options::default()).unwrap());
+    assert!(text.contains("1 stimulus of 1 material and 1 method,"), "{text}");
+}
+
 #[test]
 fn means_of_the_raw_ratings_are_those_of_the_study() {
     for ((o, pair), quality) in RECORD.opinions.iter().zip(&MADE.study.pairs).zip(&MADE.quality) {
@@ -206,7 +305,7 @@ fn published_means_give_what_scipy_and_statsmodels_give() {
     let data = data_folder();
     let opinions = StudyOpinions::load("lavoue2021", Some(Path::new(&data))).unwrap();
     let record = describe(&opinions, &Options::default()).unwrap();
-    let (types, table) = (record.material_types.unwrap(), record.anova_two_way.unwrap());
+    let (types, table) = (record.material_types.clone().unwrap(), record.anova_two_way.clone().unwrap());
     let interaction = table.term(&["material type", "method"]).unwrap();
     // Section 5.3 of the paper: types differ, and the interaction is significant with p < 0.001.
     assert!(types.mos.difference > 0.0 && types.mos.p < 0.05 && interaction.p < 1e-3);
@@ -214,7 +313,22 @@ fn published_means_give_what_scipy_and_statsmodels_give() {
     let reliability = record.expected_reliability.unwrap();
     assert!((reliability.split_half_pearson - 0.964).abs() < 0.008, "{reliability:?}");
     assert!((reliability.signal - 0.981).abs() < 0.004, "{reliability:?}");
+    // Figures 9 and 10: nine models, of which section 5.5 counts the parameters, and neither manifold nor rational functions.
+    let by_model = record.boxes.iter().find(|set| set.title == vernis::panel::BY_MODEL).unwrap();
+    let names: Vec<&str> = by_model.boxes.iter().map(|b| b.levels[0].as_str()).collect();
+    assert_eq!(names, ["ABC", "BAGHER", "BECKMAN", "BLINN-PHONG", "DUPUY", "GGX", "LAFORTUNE", "SGD", "WARD"]);
+    let models = record.models.as_ref().unwrap();
+    assert_eq!((models.pairs.len(), models.models[0].as_str()), (36, "BAGHER"));
+    // Section 5.5: p < 1e-9 for all comparisons with Bagher's model, on all 100 materials.
+    assert!(models.pairs.iter().filter(|pair| pair.models[0] == "BAGHER").all(|pair| pair.holm_p < 1e-6), "{models:?}");
+    let page = vernis::report::study::markdown(&record);
+    for row in ["| SGD | SGD | 33 |", "| Bagher et al. | BAGHER | - |", "| Lafortune | LAFORTUNE | 9 |"] {
+        assert!(page.contains(row), "{row}: {page}");
+    }
     if record.found == 1638 {
+        // numpy: corrcoef((i/6)^5, MOS) of the 510 samples. The paper has 0.90 in size, of 600.
+        let found = record.manifold.unwrap();
+        assert!((found.pearson + 0.8899697416464492).abs() < 1e-9 && found.stimuli == 510, "{found:?}");
         // 85 of the 100 materials. scipy 1.17.1: ttest_ind(dielectric, metal, equal_var=False); statsmodels 0.15.0:
         // anova_lm(ols("mos ~ C(Type,Sum)*C(METHOD,Sum)", d).fit(), typ=2)
         assert!((types.mos.t - 2.424502076163892).abs() < 1e-9 && (types.mos.p - 0.015617491704844663).abs() < 1e-9);

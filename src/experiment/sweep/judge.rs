@@ -13,7 +13,10 @@ use crate::samples::split::grouped_folds;
 use crate::train::lp_baseline::{BestOf, Criterion};
 use ndarray::Array2;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use vernis_metric::descriptor::{Column, Role};
+use vernis_metric::metric::kernel::FAMILY as ENERGY;
+use vernis_metric::metric::transport::FAMILY as TRANSPORT;
 
 /// One figure and its 95 % interval, by bootstrap over groups of materials.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -29,8 +32,8 @@ pub struct Judged {
 pub struct SweepRow {
     /// The metric's name, or what was chosen among.
     pub name: String,
-    /// Pearson's r of the distance, negated, and the MOS.
-    pub plcc_raw: Judged,
+    /// Pearson's r of the distance, negated, and the MOS; `None` where folds chose several distances, which have no unit in common.
+    pub plcc_raw: Option<Judged>,
     /// After the 4-parameter logistic map.
     pub plcc: Judged,
     /// Spearman's rho of the distance, negated, and the MOS.
@@ -54,6 +57,8 @@ pub struct SweepRecord {
     pub resamples: usize,
     /// Seed of folds and resamples.
     pub seed: u64,
+    /// Versions of the program and of each family's numbers, by name.
+    pub versions: BTreeMap<String, String>,
     /// Every combination and gamma, logistic map fitted on the rows that are judged; best PLCC first.
     pub in_sample: Vec<SweepRow>,
     /// Out of fold: the combination that is best on the training side of each fold, mapped there.
@@ -97,7 +102,11 @@ pub fn judge(
         let judged = |figure: fn(&Agreement) -> f64, interval| Judged { value: figure(&found.agreement), interval };
         Ok(SweepRow {
             name: name.to_owned(),
-            plcc_raw: judged(|a| a.plcc_raw, found.intervals.plcc_raw),
+            plcc_raw: found
+                .agreement
+                .plcc_raw
+                .zip(found.intervals.plcc_raw)
+                .map(|(value, interval)| Judged { value, interval }),
             plcc: judged(|a| a.plcc, found.intervals.plcc),
             srocc: judged(|a| a.srocc, found.intervals.srocc),
         })
@@ -134,10 +143,23 @@ pub fn judge(
         folds,
         resamples,
         seed,
+        versions: versions(outcomes),
         in_sample: in_sample_rows,
         nested,
         refused: refused.collect(),
     })
+}
+
+/// Versions of the program and of the families that were swept.
+fn versions(outcomes: &[(Combination, Outcome)]) -> BTreeMap<String, String> {
+    let families = outcomes.iter().map(|(combination, _)| {
+        let name = match combination.family() {
+            Family::Transport => TRANSPORT,
+            Family::Energy => ENERGY,
+        };
+        (name.to_owned(), combination.version().to_owned())
+    });
+    families.chain([("vernis".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]).collect()
 }
 
 /// The distances of a combination for every gamma.

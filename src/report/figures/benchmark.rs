@@ -12,6 +12,7 @@ use crate::evaluation::records::{
 use crate::report::{Figure, ReportError, tables};
 use plotters::prelude::DrawingBackend;
 use std::collections::BTreeSet;
+use vernis_metric::io::counted;
 
 /// Materials in the figure of errors.
 const MOST_MATERIALS: usize = 40;
@@ -20,21 +21,34 @@ const MOST_MATERIALS: usize = 40;
 pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     let mut figures = Vec::new();
     let subject = tables::subject(record);
+    let rows = rows(record);
     if let Some(scatter) = Scatter::of(record) {
         let caption = format!(
             "Mean opinion score predicted by {subject} for materials that it has not seen, against that of the raters; \
-             on the diagonal they agree. One mark per rated pair, by approximation method."
+             on the diagonal they agree. {rows}. One mark per rated pair, by approximation method."
         );
         figures.push(figure("scatter", caption, &scatter)?);
     }
     for (name, bars, caption) in [
-        ("agreement", agreement(record), "Agreement of selected metrics on materials that they have not seen"),
-        ("lp", lp(record), "Agreement of the Lp distances, with the logistic map fitted on other materials"),
-        ("ablation", ablation(record), "Agreement after retraining with other descriptors, on unseen materials"),
+        (
+            "agreement",
+            agreement(record),
+            "Agreement of selected metrics on materials that neither they nor their logistic maps have seen".to_owned(),
+        ),
+        ("lp", lp(record), "Agreement of the Lp distances, with the logistic map fitted on other materials".to_owned()),
+        (
+            "ablation",
+            ablation(record),
+            format!(
+                "Agreement of {0} on unseen materials: first with all of its descriptors (full), then retrained with others; the \
+                 number of descriptors is in brackets. Every bar is {0}, which is another model than {subject}",
+                record.retrained
+            ),
+        ),
     ] {
         if !bars.rows.is_empty() {
             let caption = format!(
-                "{caption}: Pearson correlation after the logistic map (no border) and Spearman correlation (black \
+                "{caption}. {rows}. Pearson correlation after the logistic map (no border) and Spearman correlation (black \
                  border), with 95 % intervals of a bootstrap by material."
             );
             figures.push(figure(name, caption, &bars)?);
@@ -42,30 +56,51 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     }
     let importance = importance(record);
     if !importance.rows.is_empty() {
-        let caption = "Loss of the landmark kernel when descriptors are exchanged between unseen rows: loss of Pearson \
-                       correlation (no border) and of Spearman correlation (black border), with 95 % intervals of a \
-                       bootstrap by material. Families first, then the descriptors that cost most.";
-        figures.push(figure("importance", caption.to_owned(), &importance)?);
+        let caption = format!(
+            "Loss of {} when descriptors are exchanged between unseen rows: loss of Pearson correlation (no border) and of \
+             Spearman correlation (black border), with 95 % intervals of a bootstrap by material. {rows}. Families first, then the \
+             descriptors that cost most.",
+            record.retrained
+        );
+        figures.push(figure("importance", caption, &importance)?);
     }
     if let Some(learning) = Learning::of(record) {
-        let caption = "Agreement of the landmark kernel on unseen materials when it is trained on fewer groups of materials: \
-                       Pearson (no border) and Spearman correlation (black border), with 95 % intervals of a bootstrap by material.";
-        figures.push(figure("learning", caption.to_owned(), &learning)?);
+        let caption = format!(
+            "Agreement of {} on unseen materials when it is trained on fewer groups of materials: Pearson (no border) and Spearman \
+             correlation (black border), with 95 % intervals of a bootstrap by material. {rows}.",
+            record.retrained
+        );
+        figures.push(figure("learning", caption, &learning)?);
     }
     if let Some(curves) = Curves::of(record) {
-        let caption = "Mean opinion scores against distances, with the logistic curve fitted on these same \
-                       rows. One mark per rated pair, by approximation method; the closer to the curve, the better.";
-        figures.push(figure("curves", caption.to_owned(), &curves)?);
+        let metrics: Vec<&str> = record.curves.iter().map(|curve| curve.metric.as_str()).collect();
+        let caption = format!(
+            "Mean opinion scores against the distances {}, with the logistic curve fitted on these same {}, in sample. One mark per \
+             rated pair, by approximation method; the closer to the curve, the better.",
+            metrics.join(", "),
+            counted(record.rows, "rated pair")
+        );
+        figures.push(figure("curves", caption, &curves)?);
     }
     let strips = Strips::of(record);
     if !strips.materials.is_empty() {
         let caption = format!(
-            "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. One mark per rated \
+            "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. {rows}. One mark per rated \
              pair, by approximation method; right of zero the metric predicts too high a score."
         );
         figures.push(figure("residuals", caption, &strips)?);
     }
     Ok(figures)
+}
+
+/// Which rows bars and marks are of, as a sentence without its end.
+fn rows(record: &BenchmarkRecord) -> String {
+    format!(
+        "Rows: {} of {}, each predicted by the one of {} that held its material and its sisters out",
+        counted(record.rows, "rated pair"),
+        counted(record.materials, "material"),
+        counted(record.folds, "fold")
+    )
 }
 
 /// Names of the methods in a fixed order, which decides their marks.
@@ -166,14 +201,15 @@ fn lp(record: &BenchmarkRecord) -> Bars {
 }
 
 fn ablation(record: &BenchmarkRecord) -> Bars {
-    let full =
-        record.headline_metrics().first().and_then(|m| BarRow::of(format!("{} (full)", m.name), unseen(m), false));
+    // The same model on all of its descriptors, not the metric that the run is about.
+    let full = record.retrained_metric().and_then(|m| BarRow::of(format!("{} (full)", m.name), unseen(m), false));
     let parts = record.ablation.iter().enumerate().filter_map(|(i, found)| {
         let label = format!("{} ({})", found.name, found.columns);
         BarRow::of(label, found.judgement(Split::UnseenMaterial, RowSet::All), i == 0)
     });
     let rows = if record.ablation.is_empty() { Vec::new() } else { full.into_iter().chain(parts).collect() };
-    Bars { title: observed("Ablation by descriptors, unseen materials", record.synthetic), rows, most: 1.0 }
+    let title = format!("Ablation of {} by descriptors, unseen materials", record.retrained);
+    Bars { title: observed(&title, record.synthetic), rows, most: 1.0 }
 }
 
 /// Losses, so that what matters most is the longest.
@@ -192,7 +228,8 @@ fn importance(record: &BenchmarkRecord) -> Bars {
     }
     let most =
         rows.iter().flat_map(|row| row.bars).map(|(value, interval)| interval.high.max(value)).fold(0.05, f64::max);
-    let title = observed("Loss of agreement when descriptors are exchanged", record.synthetic);
+    let title = format!("Loss of agreement of {} when descriptors are exchanged", record.retrained);
+    let title = observed(&title, record.synthetic);
     Bars { title, rows, most: (most * 20.0).ceil() / 20.0 }
 }
 
@@ -295,7 +332,7 @@ impl<'a> Strips<'a> {
             .map(|r| (r.material.as_str(), errors(&r.material)))
             .filter(|(_, errors)| !errors.is_empty())
             .collect();
-        let words = format!("Largest errors: {} of {} materials", materials.len(), record.residuals.len());
+        let words = format!("Largest errors: {} of {}", materials.len(), counted(record.residuals.len(), "material"));
         Self { title: observed(&words, record.synthetic), methods, materials }
     }
 }

@@ -99,7 +99,7 @@ pub(super) struct Learning<'a> {
 
 impl<'a> Learning<'a> {
     pub fn of(record: &'a BenchmarkRecord) -> Option<Self> {
-        let title = observed("Learning curve", record.synthetic);
+        let title = observed(&format!("Learning curve of {}", record.retrained), record.synthetic);
         (!record.learning_curve.is_empty()).then_some(Self { title, points: &record.learning_curve })
     }
 }

@@ -10,7 +10,7 @@ use plotters::prelude::DrawingBackend;
 pub struct Spectrum {
     /// Name of the light probe.
     pub name: String,
-    /// Share of energy by degree of spherical harmonics from 0; sums to 1.
+    /// Share of the energy of the whole map by degree of spherical harmonics from 0; sums to 1 but for what lies beyond the last.
     pub shares: Vec<f64>,
 }
 
@@ -22,9 +22,17 @@ pub fn figure_of(spectra: &[Spectrum]) -> Result<Option<Figure>, ReportError> {
     if spectra.is_empty() {
         return Ok(None);
     }
-    let caption = "Share of the energy of each light probe by degree of spherical harmonics; the steeper the line falls, the \
-                   softer the light. Both axes are logarithmic; degree 0, the mean, is left out.";
-    figure("light-probes", caption.to_owned(), &Lines { spectra }).map(Some)
+    let below = |s: &Spectrum| {
+        let share = 100.0 * s.shares.iter().sum::<f64>();
+        format!("{} holds {share:.1} % of its energy up to degree {}", s.name, s.shares.len().saturating_sub(1))
+    };
+    let caption = format!(
+        "Share of the energy of each whole light probe, its mean square over the sphere, by degree of spherical harmonics; the \
+         steeper the line falls, the softer the light. {}; the rest lies beyond. Both axes are logarithmic; degree 0, the mean, is \
+         left out.",
+        spectra.iter().map(below).collect::<Vec<_>>().join(", ")
+    );
+    figure("light-probes", caption, &Lines { spectra }).map(Some)
 }
 
 struct Lines<'a> {

@@ -2,15 +2,24 @@
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
 use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed};
-use crate::panel::BoxPlot;
-use crate::panel::record::{BoxSet, NamedBox, StudyRecord};
+use crate::panel::record::{BoxSet, ManifoldCorrelation, NamedBox, StudyRecord};
+use crate::panel::{BY_MODEL, BY_MODEL_AND_TYPE, BoxPlot};
+use crate::report::study::manifold;
 use crate::report::{Figure, ReportError};
 use plotters::prelude::DrawingBackend;
 use std::collections::{BTreeMap, BTreeSet};
 
+/// The figure of the samples of a manifold.
+const MANIFOLD_FIGURE: &str = "mos-by-manifold-step";
+
 /// File name of a figure, title of its box plots in the record, caption.
-const BOXES: [(&str, &str, &str); 7] = [
+const BOXES: [(&str, &str, &str); 8] = [
     ("mos-by-type", "Approximations by material type", "Mean opinion scores of the approximations by type of material"),
+    (
+        "mos-of-references-by-type",
+        "Hidden references by material type",
+        "Mean opinion scores of the hidden references by type of material",
+    ),
     ("mos-by-method", "By method", "Mean opinion scores by approximation method"),
     (
         "mos-by-method-and-type",
@@ -19,12 +28,12 @@ const BOXES: [(&str, &str, &str); 7] = [
     ),
     (
         "mos-by-model",
-        "By model, the better of several fits",
+        BY_MODEL,
         "Mean opinion scores by model; of several fits of a model to a material, the one with the highest score",
     ),
     (
         "mos-by-model-and-type",
-        "By model and material type, the better of several fits",
+        BY_MODEL_AND_TYPE,
         "Mean opinion scores by model and type of material, the better of several fits",
     ),
     (
@@ -33,7 +42,7 @@ const BOXES: [(&str, &str, &str); 7] = [
         "Mean opinion scores by illumination and type of material, for stimuli rated under both illuminations",
     ),
     (
-        "mos-by-manifold-step",
+        MANIFOLD_FIGURE,
         "By step along the manifold",
         "Mean opinion scores of samples of a manifold of BRDFs, by the step from the reference",
     ),
@@ -52,10 +61,20 @@ pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
     }
     for (name, title, caption) in BOXES {
         let Some(set) = record.boxes.iter().find(|set| set.title == title) else { continue };
-        figures.push(figure(name, boxed(caption), &Boxes::of(record, set, Of::Mos))?);
-        if name == "mos-by-type" && set.boxes.iter().any(|b| b.interval_width.is_some()) {
-            let caption = boxed("Widths of the 95 % intervals of the mean opinion scores by type of material");
-            figures.push(figure("interval-widths", caption, &Boxes::of(record, set, Of::IntervalWidth))?);
+        let mut words = boxed(caption);
+        words.extend(set.note.iter().map(|note| format!(" {note}.")));
+        words.extend(correlation(record, name).map(|found| format!(" {}.", manifold(found))));
+        figures.push(figure(name, words, &Boxes::of(record, set, Of::Mos))?);
+        let widths = match name {
+            "mos-by-type" => ("interval-widths", "mean opinion scores by type of material"),
+            "mos-of-references-by-type" => {
+                ("interval-widths-of-references", "mean opinion scores of the hidden references by type of material")
+            }
+            _ => continue,
+        };
+        if set.boxes.iter().any(|b| b.interval_width.is_some()) {
+            let caption = boxed(&format!("Widths of the 95 % intervals of the {}", widths.1));
+            figures.push(figure(widths.0, caption, &Boxes::of(record, set, Of::IntervalWidth))?);
         }
     }
     if let Some(lights) = Lights::of(record) {
@@ -76,8 +95,12 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
     for (_, title, caption) in BOXES {
         if !drawn(title) {
             let why = match title {
-                "By model, the better of several fits" | "By model and material type, the better of several fits" => {
-                    "no model was fitted in several ways, or not to materials of known type"
+                BY_MODEL | BY_MODEL_AND_TYPE => {
+                    "no model that was fitted to every material was fitted in several ways, or the types of the materials are not \
+                     known"
+                }
+                "Hidden references by material type" => {
+                    "no hidden reference was rated, or the types of the materials are not known"
                 }
                 "By step along the manifold" => "no rated candidate is a manifold sample",
                 "By illumination and material type, of what was rated under both" => {
@@ -97,6 +120,11 @@ pub fn missing(record: &StudyRecord) -> Vec<String> {
         missing.push("One illumination against the other: nothing was rated under two illuminations.".to_owned());
     }
     missing
+}
+
+/// What the figure of the manifold's steps also tells.
+fn correlation<'a>(record: &'a StudyRecord, figure: &str) -> Option<&'a ManifoldCorrelation> {
+    record.manifold.as_ref().filter(|_| figure == MANIFOLD_FIGURE)
 }
 
 fn boxed(what: &str) -> String {
@@ -166,6 +194,8 @@ struct Boxes<'a> {
     title: String,
     of: Of,
     rows: Vec<(String, &'a NamedBox, &'a BoxPlot)>,
+    /// Below the axis.
+    words: String,
 }
 
 impl<'a> Boxes<'a> {
@@ -189,7 +219,18 @@ impl<'a> Boxes<'a> {
         };
         let factors = set.factors.join(" and ");
         let title = if factors.is_empty() { what.to_owned() } else { format!("{what} by {factors}") };
-        Self { title: observed(&title, record.synthetic), of, rows }
+        let of_references = set.title.starts_with("Hidden references");
+        let title = if of_references { format!("{title}, hidden references") } else { title };
+        let words = match &record.manifold {
+            Some(found) if set.factors == ["step"] => {
+                format!(
+                    "Pearson {:.3}, Spearman {:.3} with the distance (i/{})^5",
+                    found.pearson, found.spearman, found.steps
+                )
+            }
+            _ => String::new(),
+        };
+        Self { title: observed(&title, record.synthetic), of, rows, words }
     }
 
     fn range(&self) -> (f64, f64) {
@@ -219,6 +260,9 @@ impl Picture for Boxes<'_> {
             canvas.words(&label, (x.at(tick), bottom + 18.0), TEXT, Anchor::Middle)?;
         }
         canvas.words("MOS", (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
+        if !self.words.is_empty() {
+            canvas.words(&self.words, (20.0, bottom + 44.0), TEXT, Anchor::Left)?;
+        }
         for (i, (label, named, plot)) in self.rows.iter().enumerate() {
             let y = TOP + ROW * (i as f64 + 0.5);
             canvas.words(label, (left - 12.0, y), TEXT, Anchor::Right)?;

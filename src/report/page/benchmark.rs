@@ -6,6 +6,7 @@ use crate::report::Figure;
 use crate::report::tables::{self, Table};
 use maud::{Markup, html};
 use std::fmt::Write;
+use vernis_metric::io::counted;
 
 /// Rows of the table of residuals.
 const MOST_RESIDUALS: usize = 15;
@@ -15,12 +16,15 @@ A learned metric predicts a mean opinion score: 5 means that people would not te
 candidate from the reference, 1 that it looks very different. PLCC and SROCC say how linear and how well ordered the \
 relation between predictions and ratings is (1 is perfect, 0 is none). Unless a figure says in sample, it is measured on \
 materials that neither the metric nor its map to the scale of the ratings has seen. Intervals contain 95 % of the \
-resamples of the materials. Quote a score together with the version of the metric.";
+resamples of the materials. The mean of folds is that of the PLCC / SROCC that each fold has on its own: a correlation over the rows \
+of all folds at once is biased downwards for weak predictors, below 0 for ratings dealt at random, because a fold whose held-out \
+ratings are high was trained on ratings that are low on average. Quote a score together with the version of the metric.";
 
 /// The headline table and how to read it.
 pub fn headline(record: &BenchmarkRecord) -> Markup {
     html! {
         (tables::headline(record).to_html())
+        @if let Some(defeat) = tables::defeat(record) { p.banner { (defeat) } }
         p { (HOW_TO_READ) }
     }
 }
@@ -59,7 +63,11 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     for (name, value) in provenance(record) {
         push(&mut page, format_args!("* {name}: `{value}`\n"));
     }
-    push(&mut page, format_args!("\n{}\n{HOW_TO_READ}\n", tables::headline(record).to_markdown()));
+    push(&mut page, format_args!("\n{}\n", tables::headline(record).to_markdown()));
+    if let Some(defeat) = tables::defeat(record) {
+        push(&mut page, format_args!("**{defeat}**\n\n"));
+    }
+    push(&mut page, format_args!("{HOW_TO_READ}\n"));
     for figure in figures {
         push(&mut page, format_args!("\n![{}]({}.png)\n\n{}\n", figure.name, figure.name, figure.caption));
     }
@@ -108,11 +116,11 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
 fn calibration(record: &BenchmarkRecord) -> Option<String> {
     let found = record.calibration?;
     Some(format!(
-        "Intervals with a nominal coverage of {:.0} % contained {:.1} % of {} held-out ratings; {:.1} % lay below and {:.1} % above. \
+        "Intervals with a nominal coverage of {:.0} % contained {:.1} % of {}; {:.1} % lay below and {:.1} % above. \
          Their mean width is {:.2} MOS.",
         100.0 * found.nominal,
         100.0 * found.covered,
-        found.rows,
+        counted(found.rows, "held-out rating"),
         100.0 * found.below,
         100.0 * found.above,
         found.mean_width
@@ -128,8 +136,12 @@ pub fn provenance(record: &BenchmarkRecord) -> Vec<(String, String)> {
         (
             "size".to_owned(),
             format!(
-                "{} rated pairs, {} materials in {} groups of sisters, {} folds, {} resamples",
-                record.rows, record.materials, record.groups, record.folds, record.resamples
+                "{}, {} in {} of sisters, {}, {}",
+                counted(record.rows, "rated pair"),
+                counted(record.materials, "material"),
+                counted(record.groups, "group"),
+                counted(record.folds, "fold"),
+                counted(record.resamples, "resample")
             ),
         ),
     ];

@@ -11,7 +11,8 @@ pub(super) const SYNTHETIC: &str =
     "SYNTHETIC observers: these ratings were simulated by a program. Nothing here says how people see.";
 
 const STYLE: &str = include_str!("style.css");
-/// Makes the columns of tables sortable; without it the page lacks nothing else.
+/// Makes the columns of tables sortable, and says in words which tables are wider than the page; without it the page lacks nothing
+/// else, and a shadow shows what is wider.
 const SCRIPT: &str = include_str!("sort.js");
 
 /// What stands around the contents of a page.

@@ -23,3 +23,8 @@ for (const table of document.querySelectorAll('.table table')) {
     });
   });
 }
+
+const panes = [...document.querySelectorAll('.table')];
+const mark = () => panes.forEach(pane => pane.toggleAttribute('data-scrolls', pane.scrollWidth > pane.clientWidth));
+addEventListener('resize', mark);
+mark();

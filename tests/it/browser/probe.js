@@ -1,6 +1,7 @@
 // The first script of a copied page: when all is loaded it looks at it as a reader would, and tells the console.
 addEventListener('load', () => setTimeout(() => {
   const root = document.documentElement, problems = new Set(), columns = {};
+  let scrolling = 0;
   const short = element => element.outerHTML.replace(/\s+/g, ' ').slice(0, 80);
   for (const details of document.querySelectorAll('details')) details.open = true;
 
@@ -21,6 +22,14 @@ addEventListener('load', () => setTimeout(() => {
     const share = pane.querySelector('th').offsetWidth / pane.clientWidth;
     const scrolled = pane.scrollWidth > pane.clientWidth;
     if (scrolled && share > 0.6) problems.add(`little room in a table: ${short(pane)}`);
+    // One that is wider than its pane says so, in words that stay in view and with a shadow; others do not.
+    const hint = getComputedStyle(pane, '::before'), style = getComputedStyle(pane);
+    const told = hint.content.includes('scroll') && hint.display !== 'none' && hint.position === 'sticky';
+    if (scrolled && !told) problems.add(`does not say that it scrolls: ${short(pane)}`);
+    if (scrolled && !style.backgroundImage.includes('gradient')) problems.add(`does not show that it scrolls: ${short(pane)}`);
+    if (scrolled && !/auto|scroll/.test(style.overflowX)) problems.add(`cannot be scrolled: ${short(pane)}`);
+    if (!scrolled && told) problems.add(`says that it scrolls, and does not: ${short(pane)}`);
+    if (scrolled) scrolling += 1;
   }
   for (const text of document.querySelectorAll('dd')) {
     if (text.offsetWidth < 0.5 * text.parentElement.clientWidth) problems.add(`little room in a list: ${short(text)}`);
@@ -76,5 +85,5 @@ addEventListener('load', () => setTimeout(() => {
   }
 
   const dark = matchMedia('(prefers-color-scheme: dark)').matches, pictures = document.images.length;
-  console.log('SEEN ' + JSON.stringify({ width: innerWidth, dark, pictures, problems: [...problems], columns }));
+  console.log('SEEN ' + JSON.stringify({ width: innerWidth, dark, pictures, scrolling, problems: [...problems], columns }));
 }));

@@ -22,7 +22,7 @@ pub enum BrdfError {
     #[error("{path}: no such file; looked for {}", tried.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "))]
     NotFound { path: String, tried: Vec<PathBuf> },
     /// Truncated or oversized.
-    #[error("{}: the file has {found} bytes; {format} needs {allowed}", path.display())]
+    #[error("{}: the file has {found} {}; {format} needs {allowed}", path.display(), if *found == 1 { "byte" } else { "bytes" })]
     Size { path: PathBuf, format: &'static str, found: u64, allowed: String },
     /// The header contradicts the format.
     #[error(

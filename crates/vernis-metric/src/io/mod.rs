@@ -12,4 +12,4 @@ pub use json::unique_keys;
 pub use interrupt::Interrupt;
 pub use progress::{Observer, Progress, silent};
 pub use sealed::{SealError, seal, seal_of, unseal};
-pub use text::{decimals, did_you_mean, nearest, number, shown};
+pub use text::{counted, decimals, did_you_mean, nearest, number, shown};

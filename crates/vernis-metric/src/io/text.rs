@@ -1,4 +1,4 @@
-//! Text for messages: names that are nearly right, and foreign text on one line.
+//! Text for messages: names that are nearly right, foreign text on one line, and counts.
 
 /// How similar two names must be for one to be suggested, 0 to 1.
 const SIMILAR: f64 = 0.5;
@@ -56,6 +56,18 @@ pub fn decimals(x: f64, places: usize) -> String {
     if shows { format!("{x:.places$}") } else { format!("{x:.0$e}", places.saturating_sub(1)) }
 }
 
+/// A number and what it counts: `1 method`, `2 methods`, `3 families`, `4 stimuli`. `one` is the word for one of them.
+pub fn counted(n: usize, one: &str) -> String {
+    let stem = one.strip_suffix('y').filter(|stem| !stem.ends_with(['a', 'e', 'i', 'o', 'u']));
+    match (n, stem, one.strip_suffix("us")) {
+        (1, _, _) => format!("1 {one}"),
+        (_, Some(stem), _) => format!("{n} {stem}ies"),
+        (_, _, Some(stem)) => format!("{n} {stem}i"),
+        _ if one.ends_with('s') => format!("{n} {one}es"),
+        _ => format!("{n} {one}s"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,6 +95,23 @@ mod tests {
             (0.00051, 6, "0.000510"),
         ] {
             assert_eq!(decimals(x, places), expected);
+        }
+    }
+
+    #[test]
+    fn one_is_singular() {
+        for (n, one, expected) in [
+            (0, "method", "0 methods"),
+            (1, "method", "1 method"),
+            (2, "method", "2 methods"),
+            (1, "family", "1 family"),
+            (3, "family", "3 families"),
+            (2, "day", "2 days"),
+            (2, "loss", "2 losses"),
+            (1, "stimulus", "1 stimulus"),
+            (4, "stimulus", "4 stimuli"),
+        ] {
+            assert_eq!(counted(n, one), expected);
         }
     }
 

@@ -20,9 +20,9 @@ use thiserror::Error;
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum CorrelationError {
-    #[error("the lists have {x} and {y} values; they must have the same number")]
+    #[error("the numbers of values in the lists are {x} and {y}; they must be the same")]
     Lengths { x: usize, y: usize },
-    #[error("a correlation has {found} values; it must have at least 2")]
+    #[error("the number of values of a correlation is {found}; it must be at least 2")]
     TooFew { found: u64 },
     #[error("value {row} of the {side} list is {value}; every value must be finite")]
     NotFinite { side: &'static str, row: usize, value: f64 },

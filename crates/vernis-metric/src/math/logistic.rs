@@ -29,7 +29,7 @@ const SEARCH: Settings =
 pub enum LogisticError {
     #[error("a logistic fit has {x} x and {y} y; it must have as many x as y")]
     Lengths { x: usize, y: usize },
-    #[error("a logistic fit has {found} points; it must have at least 4")]
+    #[error("the number of points of a logistic fit is {found}; it must be at least 4")]
     TooFewPoints { found: usize },
     #[error("point {index} of a logistic fit is ({x}, {y}); both must be finite")]
     NotFinite { index: usize, x: f64, y: f64 },

@@ -21,8 +21,6 @@ pub fn energy_by_degree(
     degree: usize,
     value: impl Fn(usize, usize) -> f64 + Sync,
 ) -> Vec<f64> {
-    let edge = |row: usize| (row as f64 * PI / height as f64).cos();
-    let solid_angle = |row: usize| (edge(row) - edge(row + 1)) * 2.0 * PI / width as f64;
     let of_order = |m: usize| -> Vec<f64> {
         let phi = |column: usize| 2.0 * PI * (column as f64 + 0.5) / width as f64;
         let waves: Vec<(f64, f64)> = (0..width).map(|column| (m as f64 * phi(column)).sin_cos()).collect();
@@ -34,7 +32,7 @@ pub fn energy_by_degree(
                 odd += f * sin;
                 even += f * cos;
             }
-            let weight = solid_angle(row) * if m == 0 { 1.0 } else { 2f64.sqrt() };
+            let weight = solid_angle(width, height, row) * if m == 0 { 1.0 } else { 2f64.sqrt() };
             let legendre = normalised_legendre(m, degree, (row as f64 + 0.5) * PI / height as f64);
             for (coefficient, p) in coefficients.iter_mut().zip(legendre) {
                 coefficient[0] += weight * p * even;
@@ -49,6 +47,23 @@ pub fn energy_by_degree(
         energy[m..].iter_mut().zip(of_order).for_each(|(e, o)| *e += o);
     }
     energy
+}
+
+/// The integral of f^2 over the sphere, of the picture whose pixel (column, row) is `value(column, row)`: what E_l add up to
+/// over all degrees. Rows are added up in their order, whatever the number of threads.
+pub fn total_energy(width: usize, height: usize, value: impl Fn(usize, usize) -> f64 + Sync) -> f64 {
+    let of_row = |row: usize| {
+        let squares: f64 = (0..width).map(|column| value(column, row).powi(2)).sum();
+        solid_angle(width, height, row) * squares
+    };
+    let rows: Vec<f64> = (0..height).into_par_iter().map(of_row).collect();
+    rows.iter().sum()
+}
+
+/// Of a pixel in `row`.
+fn solid_angle(width: usize, height: usize, row: usize) -> f64 {
+    let edge = |row: usize| (row as f64 * PI / height as f64).cos();
+    (edge(row) - edge(row + 1)) * 2.0 * PI / width as f64
 }
 
 /// N_lm P_lm(cos theta) for l = m to `degree`, with the integral over the sphere of its square, times cos^2 m phi, 1/2 (1 for
@@ -97,6 +112,19 @@ mod tests {
                 assert!((e - expected).abs() < 1e-3, "{l} {k}: {e}");
             }
         }
+    }
+
+    #[test]
+    fn the_whole_energy_holds_what_degrees_beyond_leave_out() {
+        // (cos theta)^4 again: 4 pi/9. Of a constant c it is 4 pi c^2, whatever the number of pixels.
+        let at = |y: usize| ((y as f64 + 0.5) * PI / HEIGHT as f64).cos().powi(4);
+        assert!((total_energy(WIDTH, HEIGHT, |_, y| at(y)) - 4.0 * PI / 9.0).abs() < 1e-3);
+        assert!((total_energy(5, 3, |_, _| 2.0) - 16.0 * PI).abs() < 1e-12);
+        // One white pixel has most of its energy beyond degree 12.
+        let spark = |x: usize, y: usize| if (x, y) == (100, 64) { 1.0 } else { 0.0 };
+        let below: f64 = energy_by_degree(WIDTH, HEIGHT, 12, spark).iter().sum();
+        let all = total_energy(WIDTH, HEIGHT, spark);
+        assert!(below > 0.0 && below < 0.05 * all, "{below} {all}");
     }
 
     #[test]

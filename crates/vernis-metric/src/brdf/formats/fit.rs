@@ -16,7 +16,7 @@
 use super::merl::CHANNEL_FACTORS;
 use crate::brdf::BrdfError;
 use crate::brdf::models::{FieldError, NamedParameters};
-use crate::io::{nearest, read_at_most};
+use crate::io::{counted, nearest, read_at_most};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -172,7 +172,7 @@ impl Entry {
                 error(match e {
                     FieldError::Unknown => format!("`{field}` is no parameter of {}", mapping.model),
                     FieldError::Entries { allowed } => {
-                        format!("`{key}` has {} numbers; it must have {allowed}", entries.len())
+                        format!("`{key}` has {}; it must have {allowed}", counted(entries.len(), "number"))
                     }
                 })
             })

@@ -45,7 +45,7 @@ pub use sum::Sum;
 pub use ward::{Ward, WardForm};
 
 use super::Brdf;
-use crate::io::number;
+use crate::io::{counted, number};
 use crate::math::dual::Scalar;
 use crate::math::{Rgb, Vec3};
 use declare::model;
@@ -75,7 +75,7 @@ pub struct Parameter {
 pub enum ModelError {
     #[error("{model}: {parameter} is {}; it must be {} to {}", number(*found), number(allowed.0), number(allowed.1))]
     OutOfBounds { model: String, parameter: String, found: f64, allowed: (f64, f64) },
-    #[error("{model}: {found} parameters were given; the model has {expected}")]
+    #[error("{model}: {} {} given; the model has {expected}", counted(*found, "parameter"), if *found == 1 { "was" } else { "were" })]
     Count { model: String, found: usize, expected: usize },
     #[error(
         "{model}: {term} has no lobe; each term of a sum must be a model with a lobe, and only the first may be lambert"

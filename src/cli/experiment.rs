@@ -1,5 +1,6 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
@@ -7,7 +8,7 @@ use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::experiment::losses::{Found, LossesOptions, losses};
-use vernis::report::{self, OutputFolder};
+use vernis::report;
 
 /// Experiments.
 #[derive(Args)]
@@ -97,7 +98,8 @@ fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let inputs = Inputs::default().file(&args.study);
+    let folder = output::folder(Some(&args.out), PathBuf::new, &["report.md"], &inputs, Replace::CONTINUES)?;
     let bar = Bar::new();
     let found = losses(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();

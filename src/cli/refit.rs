@@ -1,22 +1,22 @@
 //! `vernis refit`: the candidates of a study, made anew from its references.
 
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::view::View;
 use super::{Shared, fit, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use vernis::dataset::Study;
-use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, refit};
-use vernis::report::OutputFolder;
+use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, file_name, refit};
 use vernis_metric::fit::optimizer::StopReason;
 
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]
 #[command(after_help = "\
 Writes one model file per fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Skips fits whose file exists and
-has the same settings. The ratings belong to the published fits: a refitted candidate has none.
+has the same settings; other files of these names are replaced, but never one that is read. The ratings belong to the published fits: a refitted candidate has none.
 
 Examples:
   vernis refit --study lavoue2021-open --data DIR --out refits
@@ -45,7 +45,11 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let metric = workspace::one_metric(&args.metric, &args.view.options())?;
     let methods = methods(&args.method)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let references = study.pairs.iter().map(|pair| &pair.reference);
+    let inputs = Inputs::default().files([&args.study, &args.metric]).view(&args.view);
+    let inputs = inputs.sources(references, shared.data.as_deref());
+    let names = names(&study, &methods);
+    let folder = output::folder(Some(&args.out), PathBuf::new, &names, &inputs, Replace::CONTINUES)?;
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
     let options =
@@ -58,6 +62,13 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let table = to_markdown(&all, options.metric.name());
     folder.write("refit.md", table.as_bytes())?;
     print(format!("{table}\n{}\n", args.out.join("refit.csv").display()))
+}
+
+/// The files that are written.
+fn names(study: &Study, methods: &[(&str, &str)]) -> Vec<String> {
+    let materials: BTreeSet<String> = study.pairs.iter().map(|pair| file_name(&pair.material)).collect();
+    let fits = materials.iter().flat_map(|m| methods.iter().map(move |(method, _)| format!("{m}.{method}.json")));
+    fits.chain(["refit.csv", "refit.md"].map(str::to_owned)).collect()
 }
 
 fn methods(names: &[String]) -> Result<Vec<(&'static str, &'static str)>> {

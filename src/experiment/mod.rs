@@ -6,6 +6,8 @@
 
 #[cfg(feature = "train")]
 mod contenders;
+#[cfg(feature = "train")]
+pub mod external;
 pub mod losses;
 pub mod refit;
 pub mod sweep;

@@ -11,6 +11,7 @@
 
 use super::ExperimentError;
 use super::contenders::{RunInfo, StudyBenchmark, protocol, run};
+use super::external::ExternalScores;
 use crate::dataset::{Study, manifest};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::samples::Samples;
@@ -54,6 +55,8 @@ pub struct BenchmarkOptions {
     pub resamples: usize,
     /// Of splits, resamples and initial weights.
     pub seed: u64,
+    /// Distances that were computed elsewhere, which are judged as well.
+    pub scores: Option<ExternalScores>,
 }
 
 impl Default for BenchmarkOptions {
@@ -65,6 +68,7 @@ impl Default for BenchmarkOptions {
             folds: None,
             resamples: RESAMPLES,
             seed: 1,
+            scores: None,
         }
     }
 }
@@ -229,7 +233,10 @@ impl Measurement {
             versions.insert("embeddings".into(), "left out, for they are learned from BRDFs".into());
         }
         let command = command_line(purpose, source, study, options, &setup);
-        let info = RunInfo { command, versions, metric_versions: metric_versions(&metrics) };
+        let external = options.scores.as_ref();
+        let mut metric_versions = metric_versions(&metrics);
+        metric_versions.extend(external.iter().flat_map(|scores| scores.versions()));
+        let info = RunInfo { command, versions, metric_versions, external };
         let bench = run(study, &samples, embedded, &protocol, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
             study: study.clone(),
@@ -349,6 +356,7 @@ fn command_line(purpose: Purpose, source: &str, study: &Study, options: &Benchma
             line += &format!(" --{flag} {value}");
         }
     }
+    line.extend(options.scores.as_ref().map(ExternalScores::arguments));
     if options.descriptors != DescriptorOptions::default() {
         line += &format!(" ({setup})");
     }

@@ -6,14 +6,18 @@ mod data;
 mod dataset;
 mod evaluation;
 #[cfg(feature = "train")]
+mod external;
+#[cfg(feature = "train")]
 mod extract;
 mod fit;
 mod learned;
 mod losses;
 mod old_files;
+mod output;
 mod readme;
 mod report;
 mod rooms;
+mod score;
 mod shipped;
 mod study;
 mod sweep;

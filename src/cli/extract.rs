@@ -17,7 +17,7 @@ use vernis_metric::descriptor::Setup;
 #[derive(Args)]
 #[command(after_help = "\
 Reads every BRDF once; each worker thread holds one reference and one candidate at a time. The cache keeps finished work:
-an interrupted run continues where it stopped. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
+an interrupted run continues where it stopped, and a finished file is replaced by that of the next run. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
 
 Examples:
   vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole

@@ -73,11 +73,14 @@ impl Inputs {
     /// That `path` is none of them.
     fn spare(&self, path: &Path) -> Result<()> {
         match self.placed.get(&place(path)).or_else(|| self.numbered.get(&number(path)?)) {
-            Some(input) => Err(user_error(format!(
-                "{} would replace {}, which this command reads; give another name to write to",
-                path.display(),
-                input.display()
-            ))),
+            Some(input) => {
+                let same = if input == path { String::new() } else { format!("{}, ", input.display()) };
+                let article = if same.is_empty() { "an" } else { "which is an" };
+                Err(user_error(format!(
+                    "{} is {same}{article} input of this command; inputs are never replaced: write to another file",
+                    path.display()
+                )))
+            }
             None => Ok(()),
         }
     }
@@ -173,7 +176,7 @@ mod tests {
         }
         for name in spellings {
             let error = file(&at(name), &inputs(), Replace { replace: true }).unwrap_err().to_string();
-            assert!(error.contains("in.csv, which this command reads"), "{name}: {error}");
+            assert!(error.contains("input of this command; inputs are never replaced"), "{name}: {error}");
         }
         assert!(file(&at("missing.csv"), &inputs(), Replace { replace: false }).is_ok());
         let error = file(&at("other.csv"), &inputs(), Replace { replace: false }).unwrap_err().to_string();
@@ -196,6 +199,6 @@ mod tests {
         assert_eq!(of(Some(&own), &none, true), "");
         assert!(of(Some(&own), &none, false).contains("report.html exists already; use --replace"));
         let read = Inputs::default().file(own.join("report.html"));
-        assert!(of(None, &read, true).contains("which this command reads"));
+        assert!(of(None, &read, true).contains("inputs are never replaced"));
     }
 }

@@ -10,7 +10,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::evaluation::records::BenchmarkRecord;
-use vernis::experiment::train::{RESAMPLES, folds_of, metrics};
+use vernis::experiment::train::{RESAMPLES, folds_of, metric_name, metrics};
 use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
 use vernis::report::{self, OutputFolder, tables, write_benchmark};
@@ -37,6 +37,9 @@ pub struct StudyOptions {
     out: Option<PathBuf>,
     #[command(flatten)]
     replace: Replace,
+    /// Whether a metric is exported, and its name where one was given.
+    #[arg(skip)]
+    exported: Option<Option<String>>,
     /// Cross-validation folds, by material [default: 10; 5 for the embedded study].
     #[arg(long, value_name = "N")]
     folds: Option<usize>,
@@ -87,7 +90,8 @@ struct Job {
     extracted: bool,
 }
 
-pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
+pub fn train(shared: &Shared, mut args: TrainArgs) -> Result<()> {
+    args.options.exported = Some(args.name.clone());
     let bar = Bar::new();
     let job = Job::run(shared, &args.options, Purpose::Train, &bar)?;
     let report = job.write_report(shared)?;
@@ -182,7 +186,12 @@ impl Job {
 fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
     study.validate(folds_of(how, study)).map_err(user_error)?;
     let default = || Path::new("out").join(study.short_name());
-    let names: Vec<&str> = report::FILES.into_iter().filter(|name| *name != "study.json").collect();
+    let metric = options.exported.as_ref().map(|name| {
+        let name = name.clone().unwrap_or_else(|| metric_name(study));
+        format!("{name}.vernis.json")
+    });
+    let report = report::FILES.into_iter().filter(|name| *name != "study.json").map(str::to_owned);
+    let names: Vec<String> = report.chain(metric).collect();
     let inputs = options.input.inputs().files(&options.extracted).files(options.scores.file());
     output::folder(options.out.as_deref(), default, &names, &inputs, options.replace)
 }

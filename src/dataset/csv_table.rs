@@ -70,7 +70,11 @@ impl CsvTable {
         one_field(path, &header, expected)?;
         let mut rows = Vec::new();
         for record in reader.records() {
-            let record = record.map_err(|e| csv_error(path, &e))?;
+            let mut record = record.map_err(|e| csv_error(path, &e))?;
+            if record.iter().skip(header.len()).all(str::is_empty) {
+                // Delimiters at the end of a row.
+                record.truncate(header.len());
+            }
             if record.len() > 1 && record.iter().all(str::is_empty) {
                 continue;
             }
@@ -279,7 +283,7 @@ fn others(path: &Path, header: &csv::StringRecord, expected: &Expected<'_>) -> R
             return Err(field(path, 1, "a column", format!("`{name}`"), allowed));
         }
         ignored.push(match name {
-            "" => format!("column {}, which has no name", i + 1),
+            "" => format!("column {} (without a name)", i + 1),
             name => format!("`{}`", shown(name, 100)),
         });
     }
@@ -355,7 +359,7 @@ mod tests {
             [(2, vec!["a.json", "b.json", "4.5"].into()), (3, vec!["a.json", "c.json?ks=1,2,3", "-1.5e0"].into())];
         let texts = [
             "reference,candidate,mos\na.json,b.json,4.5\na.json,\"c.json?ks=1,2,3\",-1.5e0\n",
-            "reference;candidate;mos\na.json;b.json;4.5\na.json;c.json?ks=1,2,3;-1.5e0\n",
+            "reference;candidate;mos\na.json;b.json;4.5;;\na.json;c.json?ks=1,2,3;-1.5e0;\n;;;;\n",
             "reference;candidate;mos\na.json;b.json;4,5\na.json;c.json?ks=1,2,3;-1,5e0\n",
             "reference\tcandidate\tmos\na.json\tb.json\t4.5\na.json\tc.json?ks=1,2,3\t-1.5e0\n",
             "reference|candidate|mos\na.json|b.json|4.5\na.json|c.json?ks=1,2,3|-1.5e0\n",

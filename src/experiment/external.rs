@@ -9,7 +9,7 @@
 use super::{ExperimentError, contenders, train};
 use crate::dataset::csv_study::source_beside;
 use crate::dataset::csv_table::{CsvTable, Expected, MOST_BYTES, Others};
-use crate::dataset::{DatasetError, RatedPair, Study, StudyFile};
+use crate::dataset::{DatasetError, RatedPair, Study, StudyFile, notice};
 use crate::evaluation::protocol::{Contender, Source};
 use crate::evaluation::records::MetricKind;
 use crate::samples::{Samples, SamplesError};
@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use vernis_metric::brdf::{BrdfSource, ContentHash};
 use vernis_metric::descriptor::{Column, Role};
-use vernis_metric::io::{did_you_mean, nearest, read_at_most};
+use vernis_metric::io::{did_you_mean, nearest, read_at_most, shown};
 
 /// What the metrics are called in a family of their own.
 const FAMILY: &str = "external";
@@ -130,6 +130,7 @@ fn read(
     let table = CsvTable::read(path, bytes, &expected)?;
     let metrics = metric_columns(path, &table)?;
     check_names(path, &metrics, better, taken)?;
+    tell(path, &table, &metrics, better);
     let places = Keys::of(path, &table, study)?.places(path, &table, study)?;
     let metric = |(column, name): &(usize, String)| {
         let negated = better.contains(name);
@@ -156,10 +157,10 @@ fn metric_columns(path: &Path, table: &CsvTable) -> Result<Vec<(usize, String)>,
     };
     let mut found: Vec<(usize, String)> = Vec::new();
     for (column, name) in table.header().iter().enumerate().filter(|(_, name)| !NO_METRIC.contains(name)) {
-        if name.is_empty() || !holds_numbers(column) {
-            continue;
+        // Dataframes call the column of their row numbers `Unnamed: 0`, or not at all.
+        if !name.is_empty() && !name.starts_with("Unnamed:") && holds_numbers(column) {
+            found.push((column, name.to_owned()));
         }
-        found.push((column, name.to_owned()));
     }
     if found.is_empty() {
         let columns = table.written().iter().collect::<Vec<_>>().join(", ");
@@ -167,6 +168,24 @@ fn metric_columns(path: &Path, table: &CsvTable) -> Result<Vec<(usize, String)>,
         return Err(wrong(path, 1, "the header", format!("`{columns}`"), allowed));
     }
     Ok(found)
+}
+
+/// Tells which columns are taken for metrics, and which are not.
+fn tell(path: &Path, table: &CsvTable, metrics: &[(usize, String)], better: &[String]) {
+    let shown = |name: &str| format!("`{}`", shown(name, 100));
+    let judged = metrics.iter().map(|(_, name)| {
+        let sense = if better.contains(name) { "better" } else { "worse" };
+        format!("{} (larger is {sense})", shown(name))
+    });
+    let mut text = format!("{}: judged as metrics: {}", path.display(), judged.collect::<Vec<_>>().join(", "));
+    let is_other = |(column, name): &(usize, &str)| {
+        !KEYS.as_flattened().contains(name) && !metrics.iter().any(|(metric, _)| metric == column)
+    };
+    let others: Vec<String> = table.header().iter().enumerate().filter(is_other).map(|(_, name)| shown(name)).collect();
+    if !others.is_empty() {
+        text += &format!("; ignored: {}", others.join(", "));
+    }
+    notice::tell(&text);
 }
 
 fn check_names(

@@ -265,10 +265,7 @@ impl Measurement {
     /// Training that fails.
     pub fn export(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
         progress("final metric", Progress::BEGUN);
-        let default = match self.study.name.as_str() {
-            manifest::OPEN => recipe::NAME.to_owned(),
-            _ => format!("{}-{}", recipe::NAME, self.study.short_name()),
-        };
+        let default = metric_name(&self.study);
         let trainer = recipe::metric();
         let model = trainer.train(&self.training, self.seed)?;
         let members = bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed)?;
@@ -320,6 +317,14 @@ pub fn metrics(study: &Study) -> Result<Vec<Arc<dyn Metric>>, ExperimentError> {
     let graphs = if study.synthetic { ["ot[grid=6x6x24,kappa=4]", "energy[grid=6x6x24]"] } else { ["ot", "energy"] };
     let lp = LpVariant::of_study().map(|variant| variant.to_string());
     lp.chain(graphs.map(str::to_owned)).map(|name| registry.get(&name).map_err(named(&name))).collect()
+}
+
+/// The name of the metric that is trained on `study`, where none is given.
+pub fn metric_name(study: &Study) -> String {
+    match study.name.as_str() {
+        manifest::OPEN => recipe::NAME.to_owned(),
+        _ => format!("{}-{}", recipe::NAME, study.short_name()),
+    }
 }
 
 /// The embedded study is there to show the whole job on any machine, in a minute or two.

@@ -32,7 +32,7 @@ fn rows_are_found_however_they_are_named() {
     let place = place();
     for text in [
         "reference,candidate,d,s\nlib/gold.json,gold-a.json,3,-3\nchalk.json,chalk-b.json,2,-2\nchalk.json,chalk-a.json,1,-1\n",
-        "method,d,material,s\nA,3,gold,-3\nB,2,chalk,-2\nA,1,chalk,-1\n",
+        ",method,d,material,s,Unnamed: 0\n0,A,3,gold,-3,7\n1,B,2,chalk,-2,8\n2,A,1,chalk,-1,9\n",
         "candidate;Reference;d;s;note;mos\nstudy/gold-a.json;study/lib/gold.json;3,0;-3;far;1\n\
          study/chalk-b.json;study/chalk.json;2,0;-2;;2\nstudy/chalk-a.json;study/chalk.json;1e0;-1;;3\n",
     ] {
@@ -119,5 +119,8 @@ fn the_command_refuses_them_before_the_work() {
     let output = command.current_dir(place.path()).env_remove("VERNIS_DATA").output().unwrap();
     let error = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{error}");
+    let mut lines = error.lines();
+    assert_eq!(lines.next(), Some("scores.csv: judged as metrics: `d` (larger is worse)"));
+    let error = lines.collect::<String>();
     assert!(error.starts_with("vernis: scores.csv has no row for 2 of the 3 rated pairs of study"), "{error}");
 }

@@ -61,7 +61,10 @@ fn no_command_replaces_what_it_reads() {
         args.push("--replace");
         let (code, said) = run(place.path(), args);
         assert_eq!(code, Some(2), "{args:?}: {said}");
-        assert!(said.contains(" would replace ") && said.contains(", which this command reads"), "{args:?}: {said}");
+        assert!(
+            said.contains("input of this command; inputs are never replaced: write to another file"),
+            "{args:?}: {said}"
+        );
     }
     assert_eq!([before("ggx.json"), before("p.csv"), before("study.csv")], [ggx, pairs, study]);
 }
@@ -94,5 +97,21 @@ fn earlier_results_stay_unless_asked() {
     // A folder that vernis names itself is its own.
     for _ in 0..2 {
         assert_eq!(run(place.path(), &["study", "--study", "synthetic"]).0, Some(0));
+    }
+}
+
+/// Found before the work: the metric of a folder that the user named stays, under the name that it would get.
+#[cfg(feature = "train")]
+#[test]
+fn an_exported_metric_stays_in_a_named_folder() {
+    let place = place();
+    fs::create_dir(place.path().join("kept")).unwrap();
+    for (file, name) in [("mine", &["--name", "mine"][..]), ("vernis-synthetic", &[])] {
+        let file = format!("kept/{file}.vernis.json");
+        fs::write(place.path().join(&file), "earlier").unwrap();
+        let train = ["train", "--study", "synthetic", "--out", "kept"];
+        let (code, said) = run(place.path(), &[&train[..], name].concat());
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.ends_with(&format!("{file} exists already; use --replace to replace it\n")), "{said}");
     }
 }

@@ -13,9 +13,9 @@ impl Place {
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         for k in 0..6 {
-            place.write(&format!("r{k}.json"), &ward(0.1 + 0.05 * f64::from(k)));
+            place.write(&format!("r{k}.json"), ward(0.1 + 0.05 * f64::from(k)));
             for c in 0..3 {
-                place.write(&format!("c{k}_{c}.json"), &ward(0.12 + 0.05 * f64::from(k) + 0.02 * f64::from(c)));
+                place.write(&format!("c{k}_{c}.json"), ward(0.12 + 0.05 * f64::from(k) + 0.02 * f64::from(c)));
             }
         }
         place

@@ -65,20 +65,21 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
         check_output(&args, &inputs)?;
     }
     let bad = pairs.bad();
-    if let Some((line, reason)) = bad.first().filter(|_| args.strict || bad.len() == pairs.rows.len()) {
+    let total = pairs.rows.len();
+    if let Some((line, reason)) = bad.first().filter(|_| args.strict || bad.len() == total) {
         return Err(user_error(refusal(&pairs, *line, reason, bad.len(), args.strict)));
     }
     workspace::warm_up(shared, &metrics)?;
     let columns = Columns::new(&pairs.header, &metrics);
-    let total = pairs.rows.len();
+    let bar = Bar::new();
     let mut failed = 0;
-    let mut tell = |bar: &Bar, line: u64, reason: &str| {
+    let mut tell = |line: u64, reason: &str| {
         failed += 1;
         if failed <= TOLD {
             bar.line(&format!("vernis: {}, line {line}: {reason}", pairs.name));
         }
     };
-    let bar = Bar::new();
+    bad.iter().for_each(|(line, reason)| tell(*line, reason));
     let mut sink = if to_standard { Sink::standard(&columns, total)? } else { Sink::file(&args.out, &columns, total)? };
     bar.update("pairs", Progress { done: 0, total });
     let scorer = Scorer { pairs: &pairs, metrics: &metrics, data: shared.data.as_deref() };
@@ -88,7 +89,9 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
             if args.strict {
                 return Err(user_error(format!("{}, line {line}: {reason}{}", pairs.name, sink.kept(done))));
             }
-            tell(&bar, line, reason);
+            if pairs.rows[row].sources.is_ok() {
+                tell(line, reason);
+            }
         }
         sink.take(row, columns.row(record, &found))?;
         bar.update("pairs", Progress { done: done + 1, total });

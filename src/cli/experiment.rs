@@ -1,5 +1,6 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::{Shared, cells, print, signals, user_error, workspace};
 use anyhow::Result;
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 use vernis::dataset::{Study, manifest};
 use vernis::experiment::losses::{Found, LossesOptions, losses};
 use vernis::experiment::rebuilt::{RebuiltOptions, hypotheses, rebuilt};
-use vernis::report::{self, OutputFolder};
+use vernis::report;
 
 /// Experiments.
 #[derive(Args)]
@@ -111,7 +112,8 @@ fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let inputs = Inputs::default().file(&args.study);
+    let folder = output::folder(Some(&args.out), PathBuf::new, &["report.md"], &inputs, Replace::CONTINUES)?;
     let bar = Bar::new();
     signals::resumable(
         &bar,
@@ -166,6 +168,8 @@ pub struct RebuiltArgs {
     /// Seed of folds, training and resamples.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    replace: Replace,
     /// Print the record as JSON instead of the tables.
     #[arg(long)]
     json: bool,
@@ -174,7 +178,8 @@ pub struct RebuiltArgs {
 fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
     let study = Study::load(manifest::OPEN, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let names = ["report.md", "rebuilt.json"];
+    let folder = output::folder(Some(&args.out), PathBuf::new, &names, &Inputs::default(), args.replace)?;
     let options = RebuiltOptions {
         data: shared.data.clone(),
         cache: workspace::cache(shared)?,
@@ -189,8 +194,10 @@ fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
     let command =
         format!("vernis experiment rebuilt --folds {} --resamples {} --seed {}", args.folds, args.resamples, args.seed);
     let path = folder.write("report.md", report::rebuilt::markdown(&record, &command).as_bytes())?;
+    let json = format!("{}\n", serde_json::to_string_pretty(&record)?);
+    folder.write("rebuilt.json", json.as_bytes())?;
     if args.json {
-        return print(format!("{}\n", serde_json::to_string_pretty(&record)?));
+        return print(json);
     }
     print(format!("{}report: {}\n", report::rebuilt::text(&record), path.display()))
 }

@@ -1,5 +1,6 @@
 //! `vernis extract` and `vernis merge`: a study, or a shard of it, as numbers in a Parquet file.
 
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::study_input::StudyInput;
 use super::{Shared, print, signals, user_error, workspace};
@@ -8,7 +9,6 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::experiment::train;
-use vernis::report::OutputFolder;
 use vernis::samples::extracted::{ExtractedStudy, Versions};
 use vernis::samples::shard::Shard;
 use vernis_metric::descriptor::Setup;
@@ -18,7 +18,8 @@ use vernis_metric::io::counted;
 #[derive(Args)]
 #[command(after_help = "\
 Reads every BRDF once; each worker thread holds one reference and one candidate at a time. The cache keeps finished work:
-after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues where it stopped. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
+after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues where it stopped, and a finished file is replaced
+by that of the next run. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
 
 Examples:
   vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole
@@ -50,6 +51,8 @@ pub struct MergeArgs {
     /// Parquet file to write: the same bytes that `vernis extract` writes without --shard.
     #[arg(long, value_name = "PARQUET")]
     out: PathBuf,
+    #[command(flatten)]
+    replace: Replace,
 }
 
 pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
@@ -57,8 +60,13 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
     let setup = Setup::new(&args.input.view.options()).map_err(user_error)?;
     let places = args.shard.places(&study);
     let short = study.short_name();
-    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(&short));
-    let folder = OutputFolder::create(out).map_err(user_error)?;
+    let name = match args.shard {
+        Shard::WHOLE => format!("{short}.parquet"),
+        // As many digits for all, so that names sort.
+        shard => format!("{short}-{:0width$}-of-{}.parquet", shard.number(), shard.count(), width = digits(shard)),
+    };
+    let default = || Path::new("out").join(&short);
+    let folder = output::folder(args.out.as_deref(), default, &[&name], &args.input.inputs(), Replace::CONTINUES)?;
     let cache = workspace::cache(shared)?;
     let of_shard = Study { pairs: places.iter().map(|&place| study.pairs[place].clone()).collect(), ..study.clone() };
     let bar = Bar::new();
@@ -84,11 +92,6 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
         whole: study.pairs.len(),
         versions: Versions::new(setup.id(), &train::metrics(&study)?),
     };
-    let name = match args.shard {
-        Shard::WHOLE => format!("{short}.parquet"),
-        // As many digits for all, so that names sort.
-        shard => format!("{short}-{:0width$}-of-{}.parquet", shard.number(), shard.count(), width = digits(shard)),
-    };
     let path = folder.write(&name, &extracted.to_parquet()?)?;
     print(format!("{} of {}: {}\n", extracted.places.len(), counted(extracted.whole, "pair"), path.display()))
 }
@@ -98,7 +101,7 @@ fn digits(shard: Shard) -> usize {
 }
 
 pub fn merge(args: MergeArgs) -> Result<()> {
-    let (folder, name) = workspace::output_file(&args.out)?;
+    let (folder, name) = output::file(&args.out, &Inputs::default().files(&args.files), args.replace)?;
     let read = |path: &PathBuf| Ok((path.display().to_string(), ExtractedStudy::load(path).map_err(user_error)?));
     let parts = args.files.iter().map(read).collect::<Result<Vec<_>>>()?;
     let whole = ExtractedStudy::merge(parts).map_err(user_error)?;

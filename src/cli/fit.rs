@@ -1,6 +1,7 @@
 //! `vernis fit`: the parameters of a model from a BRDF, under any metric.
 
 use super::cells::Cells;
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::signals::Signals;
 use super::view::View;
@@ -66,6 +67,8 @@ pub struct FitArgs {
     /// The file to write.
     #[arg(long, short, value_name = "JSON")]
     out: PathBuf,
+    #[command(flatten)]
+    replace: Replace,
     /// Print the content of the file instead of a summary.
     #[arg(long)]
     json: bool,
@@ -99,7 +102,7 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
         max_evaluations: args.max_evaluations,
         interrupt: signals.interrupt(),
     };
-    let (folder, name) = output(&args.out)?;
+    let (folder, name) = output(shared, &args)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
     plausible::warn(&args.reference, &*reference.brdf);
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
@@ -159,12 +162,13 @@ fn start(text: &str, model: &str) -> Result<Start> {
 }
 
 /// The folder and the name of the file to write; found unwritable before the work.
-fn output(path: &Path) -> Result<(OutputFolder, String)> {
-    let name = path.file_name().and_then(|n| n.to_str()).filter(|n| n.ends_with(".json") && !path.is_dir());
-    let name =
-        name.ok_or_else(|| user_error(format!("--out is {}; it must be the name of a .json file", path.display())))?;
-    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
+fn output(shared: &Shared, args: &FitArgs) -> Result<(OutputFolder, String)> {
+    let path = &args.out;
+    if path.extension().is_none_or(|extension| extension != "json") || path.is_dir() {
+        return Err(user_error(format!("--out is {}; it must be the name of a .json file", path.display())));
+    }
+    let inputs = Inputs::default().notation(&args.reference, shared.data.as_deref()).view(&args.view);
+    output::file(path, &inputs.file(&args.metric).files(&args.start), args.replace)
 }
 
 fn summary(file: &FitFile, path: &Path) -> String {

@@ -1,5 +1,6 @@
 //! `vernis manifold`: approximations of a reference that lie on a manifold through many.
 
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
@@ -9,7 +10,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis::dataset::Study;
 use vernis::experiment::refit::file_name;
-use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::{merl, titopo};
 use vernis_metric::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
 use vernis_metric::descriptor::DescriptorOptions;
@@ -56,6 +56,8 @@ pub struct ManifoldArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    replace: Replace,
 }
 
 fn dimensions(text: &str) -> Result<usize, String> {
@@ -133,7 +135,12 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
         let known = sources.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
         return Err(user_error(format!("--material is {}; it must be one of {known}", args.material)));
     };
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let stem = file_name(Path::new(&args.material).file_name().and_then(|n| n.to_str()).unwrap_or(&args.material));
+    let table = |i: usize| format!("{stem}.manifold.{i}.{}", args.format.extension());
+    let names: Vec<String> = (1..=SAMPLES).map(table).chain([format!("{stem}.manifold.csv")]).collect();
+    let data = shared.data.as_deref();
+    let inputs = Inputs::default().files(&args.study).files(&args.metric).sources(sources.values(), data);
+    let folder = output::folder(Some(&args.out), PathBuf::new, &names, &inputs, args.replace)?;
     let bar = Bar::new();
     let told = |done| bar.update("manifold samples", Progress { done, total: SAMPLES });
     told(0);
@@ -146,10 +153,9 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     };
     let manifold = Manifold::new(kind, &borrowed, args.format.grid(), args.dimension).map_err(user_error)?;
     let reference = TabulatedBrdf::tabulate(borrowed[index], args.format.grid()).map_err(user_error)?;
-    let stem = file_name(Path::new(&args.material).file_name().and_then(|n| n.to_str()).unwrap_or(&args.material));
     let sample = |i: usize| -> Result<Sample> {
         let table = manifold.sample(index, i, args.seed).map_err(user_error)?;
-        let path = folder.path().join(format!("{stem}.manifold.{i}.{}", args.format.extension()));
+        let path = folder.path().join(&names[i - 1]);
         args.format.write(&path, &table)?;
         let distances = distances(&metrics, &reference, &table).map_err(user_error)?;
         told(i);

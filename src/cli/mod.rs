@@ -15,11 +15,14 @@ mod extract;
 mod fit;
 mod manifold;
 mod metrics;
+mod output;
 mod plausible;
 mod progress;
 mod refit;
 mod report;
 mod score;
+#[cfg(feature = "train")]
+mod scores;
 mod signals;
 mod study;
 #[cfg(feature = "train")]
@@ -33,9 +36,11 @@ mod workspace;
 use anyhow::Result;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Mutex;
 
 /// Beyond the cores of any one machine; far more threads than cores take minutes to start.
 const MOST_THREADS: usize = 1024;
@@ -141,8 +146,17 @@ fn print(text: impl std::fmt::Display) -> Result<()> {
     }
 }
 
+/// Says on standard error what a reader of files found unusual, once: a study may be read twice.
+fn say_once(text: &str) {
+    static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    if SAID.lock().is_ok_and(|mut said| said.insert(text.to_owned())) {
+        eprintln!("{text}");
+    }
+}
+
 /// Parses the arguments, runs the subcommand, reports what went wrong in one message.
 pub fn run() -> ExitCode {
+    vernis::dataset::notice::listen(say_once);
     let mut cli = Cli::parse();
     for (folder, variable) in [(&mut cli.shared.data, "VERNIS_DATA"), (&mut cli.shared.cache, "VERNIS_CACHE")] {
         *folder = folder.take().or_else(|| std::env::var_os(variable).map(PathBuf::from));

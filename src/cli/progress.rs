@@ -87,6 +87,11 @@ impl Bar {
         }
     }
 
+    /// Writes a line on standard error, above the bar.
+    pub fn line(&self, text: &str) {
+        self.bar.suspend(|| eprintln!("{text}"));
+    }
+
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

@@ -1,16 +1,16 @@
 //! `vernis refit`: the candidates of a study, made anew from its references.
 
 use super::cells::Cells;
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::view::View;
 use super::{Shared, fit, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use vernis::dataset::Study;
-use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, refit};
-use vernis::report::OutputFolder;
+use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, file_name, refit};
 
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]
@@ -18,7 +18,7 @@ use vernis::report::OutputFolder;
 Writes one model file per fit, MATERIAL.METHOD.json, and the tables refit.csv and refit.md. Keeps fits whose file is there and
 has the same reference and settings; after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues.
 Files of another reference or of other settings are refused before the work. The ratings belong to the published fits: a refitted
-candidate has none.
+candidate has none. A file that is read is never replaced.
 
 Examples:
   vernis refit --study lavoue2021-open --data DIR --out refits
@@ -46,7 +46,11 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let (metric, coarsening) = args.cells.of(workspace::one_metric(&args.metric, &args.view.options())?)?;
     let methods = methods(&args.method)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let references = study.pairs.iter().map(|pair| &pair.reference);
+    let inputs = Inputs::default().files([&args.study, &args.metric]).view(&args.view);
+    let inputs = inputs.sources(references, shared.data.as_deref());
+    let names = names(&study, &methods);
+    let folder = output::folder(Some(&args.out), PathBuf::new, &names, &inputs, Replace::CONTINUES)?;
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
     signals::resumable(
@@ -62,6 +66,13 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let table = to_markdown(&all, options.metric.name());
     folder.write("refit.md", table.as_bytes())?;
     print(format!("{table}\n{}\n", args.out.join("refit.csv").display()))
+}
+
+/// The files that are written.
+fn names(study: &Study, methods: &[(&str, &str)]) -> Vec<String> {
+    let materials: BTreeSet<String> = study.pairs.iter().map(|pair| file_name(&pair.material)).collect();
+    let fits = materials.iter().flat_map(|m| methods.iter().map(move |(method, _)| format!("{m}.{method}.json")));
+    fits.chain(["refit.csv", "refit.md"].map(str::to_owned)).collect()
 }
 
 fn methods(names: &[String]) -> Result<Vec<(&'static str, &'static str)>> {

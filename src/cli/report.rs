@@ -1,5 +1,6 @@
 //! `vernis report`: a study's ratings, and how metrics agree with them, as one page.
 
+use super::output::{self, Replace};
 use super::study::{RatingsArgs, describe};
 use super::{Shared, print, user_error};
 use anyhow::Result;
@@ -7,7 +8,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::{DatasetError, Study, manifest};
 use vernis::evaluation::records::BenchmarkRecord;
-use vernis::report::{OutputFolder, Whole, pictures, write_whole};
+use vernis::report::{self, Whole, pictures, write_whole};
 use vernis_metric::light::source::Light;
 
 /// Layout of the lamps where there is no probe.
@@ -36,13 +37,16 @@ pub struct ReportArgs {
     /// Folder for the page [default: out/report-STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    replace: Replace,
 }
 
 pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     let benchmark = args.benchmark.as_deref().map(read_benchmark).transpose()?;
     let (record, name) = describe(shared, &args.ratings)?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(format!("report-{name}")));
-    let folder = OutputFolder::create(folder).map_err(user_error)?;
+    let default = || Path::new("out").join(format!("report-{name}"));
+    let inputs = args.ratings.inputs().files(args.benchmark.as_deref().map(benchmark_file));
+    let folder = output::folder(args.out.as_deref(), default, &report::FILES, &inputs, args.replace)?;
     let data = shared.data.as_deref();
     let mut missing = Vec::new();
     let found = PROBES.map(|(name, file)| data.map(|d| (name, d.join(file))).filter(|(_, path)| path.is_file()));
@@ -96,8 +100,12 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     print(format!("report: {}\n", page.display()))
 }
 
+fn benchmark_file(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join("benchmark.json") } else { path.to_owned() }
+}
+
 fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
-    let path = if path.is_dir() { path.join("benchmark.json") } else { path.to_owned() };
+    let path = benchmark_file(path);
     let wrong = |reason: String| {
         user_error(format!("{}: {reason}; it must be the benchmark.json of a train or a benchmark", path.display()))
     };

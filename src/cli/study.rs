@@ -1,5 +1,6 @@
 //! `vernis study`: the statistics of a study's ratings.
 
+use super::output::{self, Inputs, Replace};
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
@@ -9,7 +10,7 @@ use vernis::dataset::{DatasetError, synthetic};
 use vernis::panel::contradiction;
 use vernis::panel::screening::Criterion;
 use vernis::panel::{Options, StudyRecord, describe as study_of};
-use vernis::report::{OutputFolder, study};
+use vernis::report::study;
 
 /// The study that is used where the data folder has its ratings.
 const HUMAN_STUDY: &str = "lavoue2021";
@@ -33,6 +34,8 @@ pub struct StudyArgs {
     /// Folder for study.json and study.md [default: out/STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    replace: Replace,
     /// Print study.json instead of the report.
     #[arg(long)]
     json: bool,
@@ -57,6 +60,11 @@ pub struct RatingsArgs {
 }
 
 impl RatingsArgs {
+    /// The files that are read. Those that a TOML file leads to are never called as what is written.
+    pub fn inputs(&self) -> Inputs {
+        Inputs::default().files(&self.study).files(&self.ratings)
+    }
+
     /// Whether raw ratings alone were named, without a study.
     pub fn is_raw(&self) -> bool {
         self.study.is_none() && self.ratings.is_some()
@@ -65,8 +73,9 @@ impl RatingsArgs {
 
 pub fn run(shared: &Shared, args: StudyArgs) -> Result<()> {
     let (record, name) = describe(shared, &args.ratings)?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(name));
-    let folder = OutputFolder::create(folder).map_err(user_error)?;
+    let (names, inputs) = (["study.json", "study.md"], args.ratings.inputs());
+    let default = || Path::new("out").join(name);
+    let folder = output::folder(args.out.as_deref(), default, &names, &inputs, args.replace)?;
     let json = serde_json::to_string_pretty(&record)? + "\n";
     folder.write("study.json", json.as_bytes())?;
     let page = folder.write("study.md", study::markdown(&record).as_bytes())?;

@@ -1,5 +1,6 @@
 //! What `train`, `benchmark` and `extract` take in: a study and how its BRDFs are looked at.
 
+use super::output::Inputs;
 use super::view::View;
 use super::{Shared, user_error};
 use anyhow::Result;
@@ -19,6 +20,11 @@ pub struct StudyInput {
 }
 
 impl StudyInput {
+    /// The files that are read, beside BRDFs.
+    pub fn inputs(&self) -> Inputs {
+        Inputs::default().files(&self.study).view(&self.view)
+    }
+
     /// The named study, or the open one if it is here, or the embedded one; says which, and how to get the other.
     pub fn study(&self, shared: &Shared) -> Result<Study> {
         let study = self.load(shared.data.as_deref())?;

@@ -1,5 +1,6 @@
 //! `vernis sweep`: the study's transport and kernel distances, every combination of their parameters.
 
+use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::{Shared, print, signals, user_error, workspace};
 use anyhow::Result;
@@ -8,7 +9,7 @@ use std::path::PathBuf;
 use vernis::dataset::Study;
 use vernis::experiment::sweep::{Combination, Family, SweepOptions, SweepProtocol, Swept};
 use vernis::experiment::{self, ExperimentError};
-use vernis::report::{OutputFolder, sweep};
+use vernis::report::sweep;
 use vernis_metric::io::counted;
 use vernis_metric::metric::graph::{GraphGrid, Tone};
 use vernis_metric::metric::transport::Accuracy;
@@ -148,11 +149,12 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
     let short = study.short_name();
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("out/sweep-{short}")));
-    let folder = OutputFolder::create(&out).map_err(user_error)?;
+    let default = || PathBuf::from(format!("out/sweep-{short}"));
+    let (names, inputs) = (["sweep.csv", "sweep.md"], Inputs::default().file(&args.study));
+    let folder = output::folder(args.out.as_deref(), default, &names, &inputs, Replace::CONTINUES)?;
     let options = SweepOptions {
         data: shared.data.clone(),
-        folder: out.join("combinations"),
+        folder: folder.path().join("combinations"),
         combinations,
         grid,
         accuracy: args.accuracy.clone(),

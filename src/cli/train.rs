@@ -1,6 +1,8 @@
 //! `vernis train` and `vernis benchmark`: the main job at the command line.
 
+use super::output::{self, Replace};
 use super::progress::Bar;
+use super::scores::ScoresArgs;
 use super::study_input::StudyInput;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
@@ -8,10 +10,10 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::evaluation::records::BenchmarkRecord;
-use vernis::experiment::train::{RESAMPLES, folds_of, metrics};
+use vernis::experiment::train::{RESAMPLES, folds_of, metric_name, metrics};
 use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
-use vernis::report::{OutputFolder, tables, write_benchmark};
+use vernis::report::{self, OutputFolder, tables, write_benchmark};
 use vernis::samples::extracted::ExtractedStudy;
 use vernis_metric::light::Light;
 
@@ -27,9 +29,17 @@ pub struct StudyOptions {
     /// Seed of splits, resamples and initial weights. The same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for results [default: out/STUDY].
+    #[command(flatten)]
+    scores: ScoresArgs,
+    /// Folder for results [default: out/STUDY, where earlier results are replaced; in a folder named here they stay without
+    /// --replace].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    replace: Replace,
+    /// Whether a metric is exported, and its name where one was given.
+    #[arg(skip)]
+    exported: Option<Option<String>>,
     /// Cross-validation folds, by material [default: 10; 5 for the embedded study].
     #[arg(long, value_name = "N")]
     folds: Option<usize>,
@@ -61,6 +71,7 @@ pub struct TrainArgs {
 #[command(after_help = "\
 Examples:
   vernis benchmark --study synthetic
+  vernis benchmark --study my-ratings.csv --scores lpips.csv --higher-is-better ssim
   vernis benchmark --study lavoue2021-open --data ~/brdf-data --seed 7 --out out/seed-7")]
 pub struct BenchmarkArgs {
     #[command(flatten)]
@@ -79,7 +90,8 @@ struct Job {
     extracted: bool,
 }
 
-pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
+pub fn train(shared: &Shared, mut args: TrainArgs) -> Result<()> {
+    args.options.exported = Some(args.name.clone());
     let bar = Bar::new();
     let job = Job::run(shared, &args.options, Purpose::Train, &bar)?;
     let report = job.write_report(shared)?;
@@ -122,13 +134,14 @@ impl Job {
         if let Some(folds) = options.folds.filter(|folds| *folds < 2) {
             return Err(user_error(format!("--folds is {folds}; it must be 2 or more")));
         }
-        let how = BenchmarkOptions {
+        let mut how = BenchmarkOptions {
             data: shared.data.clone(),
             cache: if options.extracted.is_some() { None } else { workspace::cache(shared)? },
             descriptors: options.input.view.options(),
             folds: options.folds,
             resamples: options.resamples,
             seed: options.seed,
+            scores: None,
         };
         let progress = |stage: &str, progress| bar.update(stage, progress);
         let (measurement, folder) = match &options.extracted {
@@ -138,6 +151,7 @@ impl Job {
                 extracted.check_whole(&place).map_err(user_error)?;
                 extracted.check_versions(&metrics(&extracted.study)?, &place).map_err(user_error)?;
                 let folder = folder(options, &how, &extracted.study)?;
+                how.scores = options.scores.load(&extracted.study)?;
                 eprintln!("{place}: embeddings are left out, for they are learned from BRDFs");
                 (Measurement::of_extracted(&extracted, &how, purpose, &progress), folder)
             }
@@ -145,6 +159,7 @@ impl Job {
                 let study = options.input.study(shared)?;
                 // Found unwritable before the work, not after it.
                 let folder = folder(options, &how, &study)?;
+                how.scores = options.scores.load(&study)?;
                 (Measurement::of(&study, &how, purpose, &progress), folder)
             }
         };
@@ -171,6 +186,13 @@ impl Job {
 /// The folder for results, for a study that can be judged.
 fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
     study.validate(folds_of(how, study)).map_err(user_error)?;
-    let out = options.out.clone().unwrap_or_else(|| Path::new("out").join(study.short_name()));
-    OutputFolder::create(out).map_err(user_error)
+    let default = || Path::new("out").join(study.short_name());
+    let metric = options.exported.as_ref().map(|name| {
+        let name = name.clone().unwrap_or_else(|| metric_name(study));
+        format!("{name}.vernis.json")
+    });
+    let report = report::FILES.into_iter().filter(|name| *name != "study.json").map(str::to_owned);
+    let names: Vec<String> = report.chain(metric).collect();
+    let inputs = options.input.inputs().files(&options.extracted).files(options.scores.file());
+    output::folder(options.out.as_deref(), default, &names, &inputs, options.replace)
 }

@@ -18,6 +18,11 @@ pub struct View {
 }
 
 impl View {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.lights.iter().chain(&self.shape)
+    }
+
     pub fn options(&self) -> DescriptorOptions {
         DescriptorOptions {
             lights: self.lights.clone().map_or(Lights::default(), Lights::Probe),

@@ -1,5 +1,6 @@
 //! What subcommands share: opening BRDFs, the cache folder, and metrics by name or file.
 
+use super::output::Inputs;
 use super::view::View;
 use super::{Shared, user_error};
 use anyhow::Result;
@@ -9,7 +10,6 @@ use std::sync::Arc;
 use vernis::evaluation::bootstrap::MIN_RESAMPLES;
 #[cfg(feature = "train")]
 use vernis::experiment::ExperimentError;
-use vernis::report::OutputFolder;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
 use vernis_metric::metric::Metric;
@@ -38,6 +38,11 @@ pub struct MetricChoice {
 }
 
 impl MetricChoice {
+    /// The files that are read for the metrics.
+    pub fn inputs(&self) -> Inputs {
+        Inputs::default().files(&self.names).view(&self.view)
+    }
+
     /// The metrics, those on graphs on the grid that is named unless their own name says another.
     pub fn metrics(&self) -> Result<Vec<Arc<dyn Metric>>> {
         let metrics = metrics(&self.names, &self.view.options())?;
@@ -137,16 +142,6 @@ pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
         }
         other => anyhow::Error::new(other),
     }
-}
-
-/// The folder and name of a file to write, given with --out: found unwritable before the work.
-pub fn output_file(path: &Path) -> Result<(OutputFolder, String)> {
-    let name = path.file_name().and_then(|n| n.to_str()).filter(|_| !path.is_dir());
-    let name = name.ok_or_else(|| {
-        user_error(format!("--out {} is a folder or has no name; it must be the name of a file", path.display()))
-    })?;
-    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
 }
 
 /// Reads a number of bootstrap resamples.

@@ -1,16 +1,16 @@
 //! A study that a user writes: a CSV file with one row a rated pair.
 //!
 //! Columns, by name and in any order: `reference`, `candidate` (sources in the notation of every command; relative
-//! paths start beside the file, else where every command looks) and `mos` (1 to 5); optional `weight` (default 1),
+//! paths by the rule of [`source_beside`]) and `mos` (1 to 5); optional `weight` (default 1),
 //! `material` (default: the reference as written), `group` (default: the material), `method` (default `unnamed`),
 //! `method_family` (default: the method) and `material_type`.
 
-use super::csv_table::{CsvTable, MOST_BYTES};
+use super::csv_table::{CsvTable, Expected, MOST_BYTES, Others};
 use super::error::field;
 use super::{Completeness, DatasetError, RatedPair, Study, StudyFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use vernis_metric::brdf::{BrdfSource, ContentHash};
+use vernis_metric::brdf::{BrdfError, BrdfSource, ContentHash};
 use vernis_metric::io::read_at_most;
 
 const REQUIRED: [&str; 3] = ["reference", "candidate", "mos"];
@@ -33,12 +33,17 @@ pub fn load(path: &Path) -> Result<Study, DatasetError> {
 }
 
 fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, DatasetError> {
-    let mut table = CsvTable::new(path, bytes, b',')?;
+    let known = [&REQUIRED[..], &OPTIONAL[..]].concat();
+    let is_number = |name: &str| ["mos", "weight"].contains(&name);
+    let expected =
+        Expected { known: &known, is_number: &is_number, others: Others::Told, delimiter: None, usual: b',' };
+    let table = CsvTable::read(path, bytes, &expected)?;
     let columns = check_header(path, table.header())?;
     let mut pairs: Vec<RatedPair> = Vec::new();
     let mut groups: BTreeMap<String, (String, u64)> = BTreeMap::new();
     let mut seen = BTreeSet::new();
-    while let Some((line, record)) = table.next_row()? {
+    for (line, record) in table.rows() {
+        let line = *line;
         if let Some(i) = record.iter().position(|f| f.contains(|c: char| c.is_control() && c != '\t')) {
             let allowed = "text in one line; is a quotation mark missing?".into();
             return Err(field(path, line, &table.header()[i], format!("`{}`", &record[i]), allowed));
@@ -62,10 +67,7 @@ fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, Dat
 fn check_header(path: &Path, header: &csv::StringRecord) -> Result<BTreeMap<String, usize>, DatasetError> {
     let columns_allowed = || format!("{}, and optionally {}", REQUIRED.join(", "), OPTIONAL.join(", "));
     let mut columns = BTreeMap::new();
-    for (i, name) in header.iter().enumerate() {
-        if !REQUIRED.contains(&name) && !OPTIONAL.contains(&name) {
-            return Err(field(path, 1, "a column", format!("`{name}`"), format!("one of {}", columns_allowed())));
-        }
+    for (i, name) in header.iter().enumerate().filter(|(_, n)| REQUIRED.contains(n) || OPTIONAL.contains(n)) {
         if columns.insert(name.to_owned(), i).is_some() {
             return Err(field(path, 1, &format!("column `{name}`"), "given twice".into(), "given once".into()));
         }
@@ -112,15 +114,22 @@ fn parse_row<'a>(
     })
 }
 
-/// A checked source, with its path beside the study file where that exists. Other relative paths stay as written, and
-/// are looked for when they are opened, as every command looks for them.
-fn source(path: &Path, line: u64, column: &'static str, text: &str, folder: &Path) -> Result<BrdfSource, DatasetError> {
-    let beside = folder.join(text).to_string_lossy().into_owned();
+/// A checked source of a table in `folder`: the one rule for relative paths in files. A path starts at the folder of the file
+/// that names it, where that leads to a file; else it stays as written, and is looked for when it is opened as every command
+/// looks for it: from the working directory, then in the data folder.
+///
+/// # Errors
+/// A wrong notation.
+pub fn source_beside(folder: &Path, notation: &str) -> Result<BrdfSource, BrdfError> {
+    let beside = folder.join(notation).to_string_lossy().into_owned();
     let place = beside.split('?').next().unwrap_or(&beside);
     let collection = place.rsplit_once(':').map_or(place, |(collection, _)| collection);
     let is_beside = Path::new(place).is_file() || Path::new(collection).is_file();
-    let notation = if is_beside { &beside } else { text };
-    BrdfSource::parse(notation).map_err(|cause| DatasetError::Source {
+    BrdfSource::parse(if is_beside { &beside } else { notation })
+}
+
+fn source(path: &Path, line: u64, column: &'static str, text: &str, folder: &Path) -> Result<BrdfSource, DatasetError> {
+    source_beside(folder, text).map_err(|cause| DatasetError::Source {
         path: path.into(),
         line,
         column,

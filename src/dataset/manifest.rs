@@ -444,7 +444,7 @@ mod tests {
         let layout = with(section).unwrap().raw_ratings.unwrap();
         assert_eq!(
             (layout.file.as_str(), layout.column("participant"), layout.delimiter),
-            ("scores.csv", "worker", ',')
+            ("scores.csv", "worker", None)
         );
         assert!(layout.ignore_others && layout.column("score") == "score");
         let message = with(&section.replace("participant", "rater")).unwrap_err().to_string();

@@ -9,6 +9,7 @@ pub mod fetch;
 pub mod inventory;
 mod load;
 pub mod manifest;
+pub mod notice;
 pub mod opinions;
 mod published;
 mod ratings;

@@ -1,10 +1,10 @@
-//! The two files of ratings of Lavoue et al. 2021 (doi:10.1111/cgf.142636), semicolons between fields.
+//! The two files of ratings of Lavoue et al. 2021 (doi:10.1111/cgf.142636), semicolons between fields as published.
 //!
 //! * `PerceptualDistances.csv`: `"METHOD";"BRDF";"DISTANCE"`, one row a rated pair, MOS = 5 - 4 DISTANCE;
 //! * `MaterialType.csv`: `BRDF;Type`, `Dielectric` or `Metal`.
 
 use super::DatasetError;
-use super::csv_table::{csv_error, line_of};
+use super::csv_table::{CsvTable, Expected, Others};
 use super::error::field;
 use super::manifest::{RatedManifest, matches_pattern};
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,31 +19,29 @@ pub struct Rating {
     pub mos: f64,
 }
 
-/// A line of a file and its fields.
+/// A line of a file and the fields of the columns that are read.
 struct Line {
     number: u64,
     fields: Vec<String>,
 }
 
-fn read_lines(path: &Path, bytes: &[u8], header: &[&str]) -> Result<Vec<Line>, DatasetError> {
-    let mut reader = csv::ReaderBuilder::new().delimiter(b';').has_headers(false).flexible(true).from_reader(bytes);
-    let mut lines = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| csv_error(path, &e))?;
-        let number = line_of(bytes, &record);
-        lines.push(Line { number, fields: record.iter().map(|f| f.trim().to_owned()).collect() });
-    }
-    let found = lines.first().map(|l| l.fields.join(";")).unwrap_or_default();
-    if found != header.join(";") {
-        return Err(field(path, 1, "the header", format!("`{found}`"), header.join(";")));
-    }
-    let rows = lines.split_off(1);
-    match rows.iter().find(|l| l.fields.len() != header.len()) {
-        Some(l) => {
-            Err(field(path, l.number, "the number of fields", l.fields.len().to_string(), header.len().to_string()))
-        }
-        None => Ok(rows),
-    }
+fn read_lines(path: &Path, bytes: &[u8], columns: &[&str]) -> Result<Vec<Line>, DatasetError> {
+    let is_number = |name: &str| name == "DISTANCE";
+    let expected =
+        Expected { known: columns, is_number: &is_number, others: Others::Told, delimiter: None, usual: b';' };
+    let table = CsvTable::read(path, bytes, &expected)?;
+    let place = |name: &&str| {
+        table.column(path, name)?.ok_or_else(|| {
+            let found = format!("`{}`", table.written().iter().collect::<Vec<_>>().join(";"));
+            field(path, 1, "the header", found, format!("one with the columns {}", columns.join(";")))
+        })
+    };
+    let places = columns.iter().map(place).collect::<Result<Vec<usize>, _>>()?;
+    let line = |(number, row): &(u64, csv::StringRecord)| Line {
+        number: *number,
+        fields: places.iter().map(|&place| row[place].to_owned()).collect(),
+    };
+    Ok(table.rows().iter().map(line).collect())
 }
 
 /// Reads the ratings. Methods must be the manifest's, distances in 0..=1, and no pair is rated twice.
@@ -122,7 +120,15 @@ mod tests {
             let message = ratings(&format!("{head}{rows}")).unwrap_err().to_string();
             assert!(message.starts_with(&format!("r.csv, line {line}: {what}")), "{message}");
         }
-        assert!(ratings("METHOD,BRDF,DISTANCE\n").unwrap_err().to_string().contains("the header"));
+        let message = ratings("METHOD;BRDF;DIFFERENCE\n").unwrap_err().to_string();
+        assert!(message.contains("line 1: ") && message.contains("DIFFERENCE"), "{message}");
+    }
+
+    #[test]
+    fn other_columns_signs_and_cases_are_read() {
+        let text = "\u{feff}brdf,Distance,id,METHOD\r\nteflon,\"0,25\",7,SGD\r\n";
+        let found = ratings(text).unwrap();
+        assert_eq!((found[0].mos, found[0].material.as_str(), found[0].method.as_str()), (4.0, "teflon", "SGD"));
     }
 
     #[test]

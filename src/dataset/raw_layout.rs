@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! file = "export.csv"          # beside the TOML file
-//! delimiter = ";"              # default: a comma
+//! delimiter = ";"              # default: found by the names of the columns
 //! reference_method = "GROUND"  # the method of hidden references; default: REFERENCE
 //! [columns]                    # those that are not named keep their name; other columns of the file are ignored
 //! participant = "worker_id"
@@ -29,9 +29,9 @@ pub struct RawLayout {
     /// The CSV file, in the folder of whatever states the layout.
     #[serde(default)]
     pub file: String,
-    /// Separator of the fields; a comma where nothing is stated.
-    #[serde(default = "comma")]
-    pub delimiter: char,
+    /// Separator of the fields; found by the names of the columns where nothing is stated.
+    #[serde(default)]
+    pub delimiter: Option<char>,
     /// The method of hidden references, as the file names it.
     #[serde(default = "reference")]
     pub reference_method: String,
@@ -41,10 +41,6 @@ pub struct RawLayout {
     /// Columns that have no meaning here are ignored.
     #[serde(skip, default = "yes")]
     pub ignore_others: bool,
-}
-
-fn comma() -> char {
-    ','
 }
 
 fn reference() -> String {
@@ -60,7 +56,7 @@ impl Default for RawLayout {
     fn default() -> Self {
         Self {
             file: String::new(),
-            delimiter: comma(),
+            delimiter: None,
             reference_method: reference(),
             columns: BTreeMap::new(),
             ignore_others: false,
@@ -93,8 +89,8 @@ impl RawLayout {
             let allowed = known().copied().collect::<Vec<_>>().join(", ");
             return Err(format!("columns: a key is `{column}`; it must be one of {allowed}"));
         }
-        if !self.delimiter.is_ascii() {
-            return Err(format!("delimiter is `{}`; it must be one ASCII character", self.delimiter));
+        if let Some(delimiter) = self.delimiter.filter(|delimiter| !delimiter.is_ascii()) {
+            return Err(format!("delimiter is `{delimiter}`; it must be one ASCII character"));
         }
         Ok(())
     }

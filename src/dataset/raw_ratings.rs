@@ -5,7 +5,7 @@
 //! (the expected score of a control question, empty for every other row), `group` and `material_type`.
 //! [`RawLayout`] maps other columns to these.
 
-use super::csv_table::{CsvTable, MOST_BYTES};
+use super::csv_table::{CsvTable, Expected, MOST_BYTES, Others};
 use super::error::field;
 use super::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions};
 use super::raw_layout::RawLayout;
@@ -77,12 +77,20 @@ pub fn load(path: &Path, layout: &RawLayout) -> Result<StudyOpinions, DatasetErr
 }
 
 fn parse(path: &Path, bytes: &[u8], layout: &RawLayout) -> Result<(Vec<Stimulus>, RawRatings), DatasetError> {
-    let delimiter = u8::try_from(layout.delimiter).unwrap_or(b',');
-    let mut table = CsvTable::new(path, bytes, delimiter)?;
+    let known: Vec<&str> = REQUIRED.into_iter().chain(OPTIONAL).map(|name| layout.column(name)).collect();
+    let is_number = |name: &str| ["score", "seconds", "gold"].map(|number| layout.column(number)).contains(&name);
+    let expected = Expected {
+        known: &known,
+        is_number: &is_number,
+        others: if layout.ignore_others { Others::Kept } else { Others::Told },
+        delimiter: layout.delimiter.and_then(|delimiter| u8::try_from(delimiter).ok()),
+        usual: b',',
+    };
+    let table = CsvTable::read(path, bytes, &expected)?;
     let columns = check_header(path, table.header(), layout)?;
     let mut rows = Rows::new(path, layout);
-    while let Some((line, record)) = table.next_row()? {
-        rows.add(line, &|name: &str| columns.get(name).and_then(|&i| record.get(i)).unwrap_or(""))?;
+    for (line, record) in table.rows() {
+        rows.add(*line, &|name: &str| columns.get(name).and_then(|&i| record.get(i)).unwrap_or(""))?;
     }
     rows.finish()
 }
@@ -99,10 +107,7 @@ fn check_header(
     let mut columns = BTreeMap::new();
     for (i, found) in header.iter().enumerate() {
         let Some(name) = REQUIRED.into_iter().chain(OPTIONAL).find(|name| layout.column(name) == found) else {
-            if layout.ignore_others {
-                continue;
-            }
-            return Err(field(path, 1, "a column", format!("`{found}`"), format!("one of {}", columns_allowed())));
+            continue;
         };
         if columns.insert(name, i).is_some() {
             return Err(field(path, 1, &format!("column `{found}`"), "given twice".into(), "given once".into()));

@@ -67,6 +67,8 @@ pub enum MetricKind {
     NestedBestLp,
     /// Knows nothing of appearance: the mean of the method, and the like.
     Trivial,
+    /// Distances that were computed elsewhere and read from a file.
+    External,
 }
 
 impl MetricKind {

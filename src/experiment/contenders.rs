@@ -1,6 +1,7 @@
 //! All metrics on one study: the list of contenders, the ablation, and the record of it all.
 
 use super::ExperimentError;
+use super::external::ExternalScores;
 use crate::dataset::Study;
 use crate::evaluation::protocol::{AblationCase, Bench, Contender, Protocol, Source};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, MetricKind, MetricRecord};
@@ -13,8 +14,10 @@ use crate::train::svr::SupportVectors;
 use crate::train::trivial::MeanOf;
 use crate::train::{Trainer, recipe};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use vernis_metric::descriptor::Column;
 use vernis_metric::descriptor::Family;
+use vernis_metric::metric::Metric;
 use vernis_metric::metric::kernel::FAMILY as ENERGY_FAMILY;
 use vernis_metric::metric::learned::exported::Interval;
 use vernis_metric::metric::lp::FAMILY as LP_FAMILY;
@@ -23,7 +26,7 @@ use vernis_metric::metric::transport::FAMILY as TRANSPORT_FAMILY;
 
 /// Method families of manifold-like and non-parametric candidates, which sit so close to the reference that rating them
 /// is easy: the second set of rows leaves them out.
-const SET_ASIDE: [&str; 3] = ["BAGHER", "GPLVM", "manifold"];
+pub(super) const SET_ASIDE: [&str; 3] = ["BAGHER", "GPLVM", "manifold"];
 
 /// The Lp metrics that the paper singles out, shown first.
 const SHOWN_LP: [&str; 3] = ["D9.Cl", "D1.Cl.CR", "D4.Cl.CR"];
@@ -46,12 +49,23 @@ pub struct StudyBenchmark {
 
 /// What the record says of the run.
 #[derive(Debug, Clone)]
-pub struct RunInfo {
+pub struct RunInfo<'a> {
     pub command: String,
     /// Of the program and of whatever else decides the numbers, by name.
     pub versions: BTreeMap<String, String>,
     /// Of the numbers of each metric, by name.
     pub metric_versions: BTreeMap<String, String>,
+    /// Distances that were computed elsewhere, which take part.
+    pub external: Option<&'a ExternalScores>,
+}
+
+/// The names of the metrics that take part beside `classical` ones.
+pub(super) fn names(classical: &[Arc<dyn Metric>]) -> Vec<String> {
+    let parts = parts().into_iter().map(|(trainer, _, _)| trainer.name().to_owned());
+    let best = [Criterion::Plcc, Criterion::Srocc].map(|criterion| BestOf { columns: Vec::new(), criterion });
+    let means = [MeanOf::Method, MeanOf::MethodAndMaterialType].map(|means| means.name().to_owned());
+    let others = parts.chain([recipe::NAME.to_owned()]).chain(best.map(|best| best.name().to_owned())).chain(means);
+    others.chain(classical.iter().map(|metric| metric.name().to_owned())).collect()
 }
 
 /// The protocol for a study.
@@ -70,7 +84,7 @@ pub fn run(
     samples: &Samples,
     embedded: Vec<(&'static str, EmbeddedFolds)>,
     protocol: &Protocol,
-    info: &RunInfo,
+    info: &RunInfo<'_>,
     stage: &(dyn Fn(&str) + Sync),
 ) -> Result<StudyBenchmark, ExperimentError> {
     let compact = samples.select_columns(recipe::uses);
@@ -79,7 +93,9 @@ pub fn run(
     let mut bench = Bench::new(protocol.clone(), samples)?;
     let parts = parts();
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
-    for contender in contenders(&parts, &best, &compact, &lp, &graphs) {
+    let external = info.external.map(|scores| scores.samples(study)).transpose()?;
+    let of_file = || info.external.iter().zip(&external).flat_map(|(scores, samples)| scores.contenders(samples));
+    for contender in contenders(&parts, &best, &compact, &lp, &graphs).into_iter().chain(of_file()) {
         stage(&format!("cross-validation: {}", contender.name));
         bench.judge(&contender)?;
     }
@@ -98,12 +114,14 @@ pub fn run(
     let learning_curve = bench.learning_curve(&ablation_trainer, &compact)?;
     let of_graphs = graphs.columns().iter().map(|column| bench.curve(&graphs, &column.name));
     let of_lp = CURVED_LP.iter().map(|name| bench.curve(&lp, name));
-    let curves = of_graphs.chain(of_lp).collect::<Result<_, _>>()?;
+    let of_external = external.iter().flat_map(|s| s.columns().iter().map(|column| bench.curve(s, &column.name)));
+    let curves = of_graphs.chain(of_lp).chain(of_external).collect::<Result<_, _>>()?;
     stage("differences");
     let mut headline = vec![recipe::NAME.to_owned()];
     headline.extend(parts.iter().map(|(trainer, _, _)| trainer.name().to_owned()));
     headline.push(best.name().to_owned());
     headline.extend(graphs.columns().iter().map(|column| column.name.clone()));
+    headline.extend(of_file().map(|contender| contender.name));
     headline.extend(SHOWN_LP.map(str::to_owned));
     headline.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|m| m.name().to_owned()));
     let others: Vec<&str> = headline[1..].iter().map(String::as_str).collect();
@@ -122,7 +140,7 @@ pub fn run(
         seed: protocol.seed,
         command: info.command.clone(),
         versions: info.versions.clone(),
-        data_hashes: data_hashes(study),
+        data_hashes: data_hashes(study, info.external),
         set_aside: protocol.set_aside.clone(),
         metrics: bench.metrics().into_iter().map(versioned).collect(),
         differences,
@@ -264,7 +282,8 @@ fn did_not_help(ablation: &[AblationRecord]) -> Vec<String> {
         .collect()
 }
 
-/// SHA-256 of the study's files, by name.
-pub fn data_hashes(study: &Study) -> BTreeMap<String, String> {
-    study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).collect()
+/// SHA-256 of the study's files, and of the one with distances of others, by name.
+pub fn data_hashes(study: &Study, external: Option<&ExternalScores>) -> BTreeMap<String, String> {
+    let external = external.map(|scores| (format!("--scores {}", scores.file.name), scores.file.content.to_string()));
+    study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).chain(external).collect()
 }

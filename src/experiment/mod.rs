@@ -6,6 +6,8 @@
 
 #[cfg(feature = "train")]
 mod contenders;
+#[cfg(feature = "train")]
+pub mod external;
 pub mod losses;
 #[cfg(feature = "train")]
 pub mod rebuilt;

@@ -11,6 +11,7 @@
 
 use super::ExperimentError;
 use super::contenders::{RunInfo, StudyBenchmark, protocol, run};
+use super::external::ExternalScores;
 use crate::dataset::{Study, manifest};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::samples::Samples;
@@ -54,6 +55,8 @@ pub struct BenchmarkOptions {
     pub resamples: usize,
     /// Of splits, resamples and initial weights.
     pub seed: u64,
+    /// Distances that were computed elsewhere, which are judged as well.
+    pub scores: Option<ExternalScores>,
 }
 
 impl Default for BenchmarkOptions {
@@ -65,6 +68,7 @@ impl Default for BenchmarkOptions {
             folds: None,
             resamples: RESAMPLES,
             seed: 1,
+            scores: None,
         }
     }
 }
@@ -229,7 +233,10 @@ impl Measurement {
             versions.insert("embeddings".into(), "left out, for they are learned from BRDFs".into());
         }
         let command = command_line(purpose, source, study, options, &setup);
-        let info = RunInfo { command, versions, metric_versions: metric_versions(&metrics) };
+        let external = options.scores.as_ref();
+        let mut metric_versions = metric_versions(&metrics);
+        metric_versions.extend(external.iter().flat_map(|scores| scores.versions()));
+        let info = RunInfo { command, versions, metric_versions, external };
         let bench = run(study, &samples, embedded, &protocol, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
             study: study.clone(),
@@ -258,10 +265,7 @@ impl Measurement {
     /// Training that fails.
     pub fn export(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
         progress("final metric", Progress::BEGUN);
-        let default = match self.study.name.as_str() {
-            manifest::OPEN => recipe::NAME.to_owned(),
-            _ => format!("{}-{}", recipe::NAME, self.study.short_name()),
-        };
+        let default = metric_name(&self.study);
         let trainer = recipe::metric();
         let model = trainer.train(&self.training, self.seed)?;
         let members = bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed)?;
@@ -315,6 +319,14 @@ pub fn metrics(study: &Study) -> Result<Vec<Arc<dyn Metric>>, ExperimentError> {
     lp.chain(graphs.map(str::to_owned)).map(|name| registry.get(&name).map_err(named(&name))).collect()
 }
 
+/// The name of the metric that is trained on `study`, where none is given.
+pub fn metric_name(study: &Study) -> String {
+    match study.name.as_str() {
+        manifest::OPEN => recipe::NAME.to_owned(),
+        _ => format!("{}-{}", recipe::NAME, study.short_name()),
+    }
+}
+
 /// The embedded study is there to show the whole job on any machine, in a minute or two.
 fn default_folds(study: &Study) -> usize {
     if study.synthetic { 5 } else { 10 }
@@ -349,6 +361,7 @@ fn command_line(purpose: Purpose, source: &str, study: &Study, options: &Benchma
             line += &format!(" --{flag} {value}");
         }
     }
+    line.extend(options.scores.as_ref().map(ExternalScores::arguments));
     if options.descriptors != DescriptorOptions::default() {
         line += &format!(" ({setup})");
     }

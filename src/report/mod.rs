@@ -37,6 +37,19 @@ pub enum ReportError {
     Format { what: &'static str, reason: String },
 }
 
+/// The files of a page, beside its figures: those that are written for every study, and those that a benchmark has.
+pub const FILES: [&str; 9] = [
+    "report.html",
+    "report.md",
+    "study.json",
+    "benchmark.json",
+    "metrics.csv",
+    "ablation.csv",
+    "differences.csv",
+    "residuals.csv",
+    "predictions.csv",
+];
+
 /// A drawn figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {

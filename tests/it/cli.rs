@@ -148,7 +148,7 @@ fn score_keeps_the_rows_and_adds_columns() {
     let text = place.read("new/scores.csv");
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let header: Vec<&str> = reader.headers().expect("a header").iter().collect::<Vec<_>>();
-    assert_eq!(header, ["note", "candidate", "reference", "vernis", "D9.Cl", "mos", "mos_low", "mos_high"]);
+    assert_eq!(header, ["note", "candidate", "reference", "vernis", "D9.Cl", "mos", "mos_low", "mos_high", "reason"]);
     let rows: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("whole rows");
     assert_eq!(rows.iter().map(|r| &r[0]).collect::<Vec<_>>(), ["a, quoted", "b", "c"]);
     assert_eq!((&rows[1][3], &rows[1][4]), ("0", "0"));
@@ -302,7 +302,7 @@ fn csv_files_of_pairs_are_refused_by_line() {
         ),
         (
             "reference,candidate\nward.json,ggx.json\n\nward.json\n",
-            &["pairs.csv, line 4: the row has 1 field; it must have 2"],
+            &["pairs.csv, line 4: the number of fields is 1; it must be 2, as in the header"],
         ),
         ("reference,candidate\nward.json,\n", &["pairs.csv, line 2: `candidate` is empty"]),
         ("reference,candidate\nward.json,no.binary\n", &["pairs.csv, line 2: no.binary: no such file"]),
@@ -331,7 +331,9 @@ fn an_output_that_cannot_be_written_is_found_before_the_work() {
     assert_says(&out("folder"), &["--out folder is a folder", "it must be the name of a file"]);
     // Earlier results stay when the new ones cannot be computed.
     place.write("scores.csv", "earlier");
-    assert_says(&out("scores.csv"), &["pairs.csv, line 2: no.binary: no such file"]);
+    assert_says(&out("scores.csv"), &["scores.csv exists already; use --replace to replace it"]);
+    let message = place.mistake(&["score", "pairs.csv", "-m", "D1", "--out", "scores.csv", "--replace"]);
+    assert_says(&message, &["pairs.csv, line 2: no.binary: no such file"]);
     assert_eq!(place.read("scores.csv"), "earlier");
 }
 

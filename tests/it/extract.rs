@@ -132,7 +132,7 @@ fn shards_are_merged_into_the_bytes_of_the_whole() {
 }
 
 /// A study whose columns are those of the program, and whose numbers are made up to agree with its scores.
-fn made_up() -> ExtractedStudy {
+pub(crate) fn made_up() -> ExtractedStudy {
     let mut columns = DescriptorSet::all().columns();
     let metrics = metrics(&small().study).unwrap();
     columns.extend(metrics.iter().map(|metric| Column {
@@ -177,14 +177,52 @@ fn made_up() -> ExtractedStudy {
 #[test]
 fn metrics_are_judged_without_brdfs() {
     let place = tempfile::tempdir().unwrap();
-    write(place.path(), "all.parquet", &made_up());
+    let study = made_up();
+    write(place.path(), "all.parquet", &study);
+    // Metrics of others: one that knows the ratings up to a sign, and one whose distances fall where they should rise.
+    let row = |(k, pair): (usize, &RatedPair)| {
+        let noise = (k * 7 % 11) as f64 / 20.0;
+        format!(
+            "{};{};{}\n",
+            pair.material,
+            pair.method,
+            format!("{:.3};{}", pair.mos + noise, k * 13 % 17).replace('.', ",")
+        )
+    };
+    let rows: String = study.study.pairs.iter().enumerate().map(row).collect();
+    fs::write(place.path().join("others.csv"), format!("Material;method;close;far\n{rows}")).unwrap();
     let options = ["--extracted", "all.parquet", "--folds", "2", "--resamples", "40", "--out", "judged"];
-    let said = done(place.path(), &[&["benchmark"], &options[..]].concat());
+    let scores = ["--scores", "others.csv", "--higher-is-better", "close"];
+    let said = done(place.path(), &[&["benchmark"], &options[..], &scores[..]].concat());
     assert!(said.contains("SYNTHETIC") && place.path().join("judged/report.html").is_file(), "{said}");
     let record = fs::read_to_string(place.path().join("judged/benchmark.json")).unwrap();
     let record: serde_json::Value = serde_json::from_str(&record).unwrap();
     assert_eq!(record["rows"], 60);
-    assert_eq!(record["command"], "vernis benchmark --extracted made-up.parquet --seed 1 --folds 2 --resamples 40");
+    assert_eq!(
+        record["command"],
+        "vernis benchmark --extracted made-up.parquet --seed 1 --folds 2 --resamples 40 --scores others.csv \
+         --higher-is-better close"
+    );
+    let metric = |name: &str| record["metrics"].as_array().unwrap().iter().find(|m| m["name"] == name).unwrap();
+    let srocc = |name: &str| metric(name)["judgements"][0]["agreement"]["srocc"].as_f64().unwrap();
+    assert_eq!(
+        (&metric("close")["kind"], &metric("close")["judgements"][0]["split"]),
+        (&"external".into(), &"unseen-material".into())
+    );
+    assert!(srocc("close") > 0.97 && srocc("far").abs() < 0.5, "{} {}", srocc("close"), srocc("far"));
+    assert!(metric("far")["version"].as_str().unwrap().starts_with("sha256 "));
+    for name in ["close", "far"] {
+        let compared = |d: &&serde_json::Value| d["a"] == "vernis" && d["b"] == name && d["split"] == "unseen-material";
+        assert_eq!(record["differences"].as_array().unwrap().iter().filter(compared).count(), 2, "PLCC and SROCC");
+        assert!(said.lines().any(|line| line.starts_with(name)), "{said}");
+    }
+    assert!(record["data_hashes"]["--scores others.csv"].is_string());
+    // Results of a named folder stay.
+    refused(
+        place.path(),
+        &[&["benchmark"], &options[..]].concat(),
+        &["judged/report.html exists already; use --replace"],
+    );
     let ablation: Vec<&str> =
         record["ablation"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
     assert!(ablation.contains(&"with transport") && !ablation.contains(&"with pca"), "{ablation:?}");
@@ -251,7 +289,7 @@ fn part(shard: &str) -> ExtractedStudy {
     }
 }
 
-fn write(folder: &Path, name: &str, extracted: &ExtractedStudy) -> PathBuf {
+pub(crate) fn write(folder: &Path, name: &str, extracted: &ExtractedStudy) -> PathBuf {
     let path = folder.join(name);
     fs::write(&path, extracted.to_parquet().unwrap()).unwrap();
     path

@@ -36,10 +36,10 @@ impl Place {
 fn the_file_of_a_fit_is_a_brdf_and_a_start() {
     let place = Place::new();
     let fit = |more: &[&str]| {
-        let args = ["fit", "ward.json", "--model", "blinn-phong", "--coarsening", "6", "--out", "fit.json"];
+        let args = ["fit", "ward.json", "--model", "blinn-phong", "--coarsening", "6", "--replace", "--out"];
         place.run(&[&args[..], more].concat())
     };
-    let output = fit(&["--json"]);
+    let output = fit(&["fit.json", "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let file: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!((&file["format"], &file["metric"]["name"]), (&1.into(), &"D4.Cl".into()));
@@ -51,16 +51,16 @@ fn the_file_of_a_fit_is_a_brdf_and_a_start() {
     assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
     // From its own result nothing is left to gain, which is no convergence but a success; too few evaluations say so with a code of
     // their own.
-    let again = fit(&["--start", "fit.json"]);
+    let again = fit(&["again.json", "--start", "fit.json"]);
     assert_eq!(again.status.code(), Some(0));
     let text = String::from_utf8(again.stdout).expect("UTF-8");
     assert!(text.contains("(nothing-moved, ") || text.contains("(converged, "), "{text}");
-    let early = fit(&["--max-evaluations", "10"]);
+    let early = fit(&["fit.json", "--max-evaluations", "10"]);
     assert_eq!(early.status.code(), Some(3));
     let said = String::from_utf8_lossy(&early.stderr).into_owned();
     assert!(said.contains("evaluations did not suffice"), "{said}");
     assert_eq!(place.run(&["compare", "ward.json", "fit.json", "--metric", "D1"]).status.code(), Some(0));
-    assert_eq!(std::fs::read_dir(place.0.path()).expect("a folder").count(), 2, "nothing half-written is left");
+    assert_eq!(std::fs::read_dir(place.0.path()).expect("a folder").count(), 3, "nothing half-written is left");
 }
 
 #[test]
@@ -310,7 +310,7 @@ fn samples_of_a_manifold_are_written_and_leave_their_reference() {
     std::fs::write(place.0.path().join("ggx.json"), ggx).expect("writable");
     let manifold = |more: &[&str]| {
         let args = ["manifold", "--reference", "ward.json", "--reference", "ggx.json", "--out", "samples"];
-        place.run(&[&args[..], more].concat())
+        place.run(&[&args[..], more, &["--replace"]].concat())
     };
     for (kind, stop) in [("linear", "direct"), ("gplvm", "converged")] {
         let output = manifold(&["--material", "ggx.json", "--kind", kind]);

@@ -6,15 +6,19 @@ mod data;
 mod dataset;
 mod evaluation;
 #[cfg(feature = "train")]
+mod external;
+#[cfg(feature = "train")]
 mod extract;
 mod fit;
 mod inputs;
 mod learned;
 mod losses;
 mod old_files;
+mod output;
 mod readme;
 mod report;
 mod rooms;
+mod score;
 mod shipped;
 mod study;
 mod sweep;

@@ -1,11 +1,11 @@
 //! `vernis data convert`: a BRDF into a table of another format.
 
+use super::super::output::{self, Inputs, Replace};
 use super::super::{Shared, plausible, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::path::{Path, PathBuf};
-use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::{merl, titopo};
 use vernis_metric::brdf::{ConversionLoss, Grid, TabulatedBrdf, on_grid};
 
@@ -44,18 +44,13 @@ pub struct ConvertArgs {
     /// Columns of a .binary: 180 (a reciprocal BRDF, which every reader supports) or 360.
     #[arg(long, value_name = "N", default_value = "180", value_parser = PossibleValuesParser::new(["180", "360"]))]
     phi: String,
-    /// Replace OUT if it exists.
-    #[arg(long)]
-    replace: bool,
+    #[command(flatten)]
+    replace: Replace,
 }
 
 pub fn run(shared: &Shared, args: ConvertArgs) -> Result<()> {
     let grid = grid_of(&args.output, &args.phi)?;
-    if args.output.exists() && !args.replace {
-        return Err(user_error(format!("{} exists already; use --replace to replace it", args.output.display())));
-    }
-    let folder = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    OutputFolder::create(folder).map_err(user_error)?;
+    output::file(&args.output, &Inputs::default().notation(&args.input, shared.data.as_deref()), args.replace)?;
     let open = workspace::open(&args.input, shared.data.as_deref())?;
     let table = on_grid(&*open.brdf, grid).map_err(|e| user_error(format!("{}: {e}", args.input)))?;
     match grid {

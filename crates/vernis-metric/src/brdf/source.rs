@@ -206,6 +206,17 @@ impl BrdfSource {
         }
     }
 
+    /// The file that [`BrdfSource::open`] would read, of which nothing is read; `None` for a BRDF that was made by code.
+    ///
+    /// # Errors
+    /// A wrong notation, or no such file.
+    pub fn locate(&self, base: Option<&Path>) -> Result<Option<PathBuf>, BrdfError> {
+        match self {
+            Self::Generated(_) => Ok(None),
+            Self::Notation(notation) => find(Parsed::new(notation)?.path, base).map(Some),
+        }
+    }
+
     /// Reads what tells the BRDF from others, as [`BrdfSource::open`], and puts off decoding a table.
     pub fn identify(&self, base: Option<&Path>) -> Result<IdentifiedBrdf, BrdfError> {
         match self {
@@ -404,6 +415,16 @@ mod tests {
         for wrong in ["", cut, &format!("{text}0"), &format!("g{cut}"), &format!("\u{e9}{}", &text[2..])] {
             assert_eq!(ContentHash::from_hex(wrong), None, "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_file_is_located_without_being_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("a.fit"), "no fit").expect("writable");
+        let locate = |notation: &str| BrdfSource::Notation(notation.to_owned()).locate(Some(folder.path()));
+        assert_eq!(locate("a.fit:teflon?eta=2.5").expect("there"), Some(folder.path().join("a.fit")));
+        assert!(matches!(locate("b.fit:teflon"), Err(BrdfError::NotFound { .. })));
+        assert!(matches!(locate("a.fit"), Err(BrdfError::Notation { .. })));
     }
 
     #[test]

@@ -1,18 +1,17 @@
 //! `vernis evaluate`: the values of a BRDF at pairs of directions, from a CSV file to a CSV file.
 
+use super::output::{self, Inputs, Replace, STANDARD};
+use super::table::Table;
 use super::{Shared, print, user_error, workspace};
 use anyhow::{Context, Result};
 use clap::Args;
 use rayon::prelude::*;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-use vernis::dataset::csv_table::{csv_error, line_of};
-use vernis_metric::brdf::{Brdf, BrdfSource};
-use vernis_metric::io::{number, read_at_most, shown};
+use vernis::dataset::csv_table::{CsvTable, Expected, Others};
+use vernis_metric::brdf::Brdf;
+use vernis_metric::io::{counted, number, shown};
 use vernis_metric::math::{Rgb, Vec3};
 
-/// Largest table of directions that is read.
-const MOST_BYTES: u64 = 1 << 30;
 const COLUMNS: [&str; 6] = ["wix", "wiy", "wiz", "wox", "woy", "woz"];
 const VALUES: [&str; 3] = ["r", "g", "b"];
 /// How far from 1 the length of a direction may be; it is normalised.
@@ -41,14 +40,14 @@ pub struct EvaluateArgs {
     /// CSV file to write; - is standard output.
     #[arg(long, short, value_name = "CSV|-", default_value = "-")]
     out: PathBuf,
-    /// Replace the output if it exists.
-    #[arg(long)]
-    replace: bool,
+    #[command(flatten)]
+    replace: Replace,
 }
 
 pub fn run(shared: &Shared, args: EvaluateArgs) -> Result<()> {
     let data = shared.data.as_deref();
-    let out = if args.out == Path::new("-") { None } else { Some(output(&args, data)?) };
+    let inputs = Inputs::default().file(&args.at).notation(&args.brdf, data);
+    let out = (args.out != Path::new(STANDARD)).then(|| output::file(&args.out, &inputs, args.replace)).transpose()?;
     let rows = Rows::read(&args.at)?;
     let open = workspace::open(&args.brdf, data)?;
     let values = rows.evaluate(&*open.brdf)?;
@@ -58,25 +57,10 @@ pub fn run(shared: &Shared, args: EvaluateArgs) -> Result<()> {
         Some((folder, name)) => {
             folder.write(&name, &csv)?;
             let missing = values.iter().filter(|value| value.is_none()).count();
-            print(format!("{} pairs of directions, {missing} not measured: {}\n", values.len(), args.out.display()))
+            let pairs = counted(values.len(), "pair");
+            print(format!("{pairs} of directions, {missing} not measured: {}\n", args.out.display()))
         }
     }
-}
-
-/// Where to write; never over what is read.
-fn output(args: &EvaluateArgs, data: Option<&Path>) -> Result<(vernis::report::OutputFolder, String)> {
-    let (out, shown) = (&args.out, args.out.display());
-    if out.exists() {
-        let source = BrdfSource::parse(&args.brdf).map_err(user_error)?.file(data);
-        let same = |other: &Path| matches!((out.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b);
-        if same(&args.at) || source.as_deref().is_some_and(same) {
-            return Err(user_error(format!("--out {shown} is an input of this command; give it another name")));
-        }
-        if !args.replace && !out.is_dir() {
-            return Err(user_error(format!("{shown} exists already; use --replace to replace it")));
-        }
-    }
-    workspace::output_file(out)
 }
 
 /// The rows of a file and its directions.
@@ -90,51 +74,36 @@ struct Rows {
 
 impl Rows {
     fn read(path: &Path) -> Result<Self> {
-        let standard = path == Path::new("-");
-        let place = if standard { "standard input".to_owned() } else { shown(&path.display().to_string(), 200) };
-        let bytes = if standard { from_standard_input() } else { read_at_most(path, MOST_BYTES) };
-        let bytes = bytes.map_err(|e| user_error(format!("{place}: {e}")))?;
-        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
-        let delimiter = delimiter(text);
-        let mut reader =
-            csv::ReaderBuilder::new().delimiter(delimiter).flexible(true).trim(csv::Trim::All).from_reader(text);
-        let at = Path::new(&place);
-        let header = reader.headers().map_err(|e| user_error(csv_error(at, &e)))?.clone();
-        let columns = COLUMNS.map(|name| (name, header.iter().position(|h| h.eq_ignore_ascii_case(name))));
-        if let Some((missing, _)) = columns.iter().find(|(_, column)| column.is_none()) {
-            let found: Vec<_> = header.iter().map(|h| shown(h, 50)).take(20).collect();
-            return Err(user_error(format!(
-                "{place}, line 1: no column `{missing}`; the columns are {}; {} are needed",
-                found.join(", "),
-                COLUMNS.join(", ")
-            )));
-        }
+        let input = Table::read(path)?;
+        let place = input.name.display().to_string();
+        let expected = Expected {
+            known: &COLUMNS,
+            is_number: &|name| COLUMNS.iter().any(|column| name.eq_ignore_ascii_case(column)),
+            others: Others::Kept,
+            delimiter: None,
+            usual: b',',
+        };
+        let table = CsvTable::read(&input.name, &input.bytes, &expected).map_err(user_error)?;
+        let header = table.written().clone();
         if let Some(taken) = VALUES.iter().find(|name| header.iter().any(|h| h.eq_ignore_ascii_case(name))) {
             return Err(user_error(format!("{place}, line 1: the column `{taken}` is there already; rename it")));
         }
-        let columns = columns.map(|(_, column)| column.unwrap_or_default());
+        let mut columns = [0; 6];
+        for (column, name) in columns.iter_mut().zip(COLUMNS) {
+            *column = table.column(&input.name, name).map_err(user_error)?.ok_or_else(|| {
+                let found: Vec<_> = header.iter().map(|h| shown(h, 50)).take(20).collect();
+                user_error(format!(
+                    "{place}, line 1: no column `{name}`; the columns are {}; {} are needed",
+                    found.join(", "),
+                    COLUMNS.join(", ")
+                ))
+            })?;
+        }
         let (mut rows, mut directions) = (Vec::new(), Vec::new());
-        for record in reader.records() {
-            let mut record = record.map_err(|e| user_error(csv_error(at, &e)))?;
-            let line = line_of(text, &record);
-            if record.len() != header.len() {
-                let (found, needed) = (record.len(), header.len());
-                return Err(user_error(format!(
-                    "{place}, line {line}: the row has {found} fields; it must have {needed}, as the header has"
-                )));
-            }
-            if delimiter != b',' {
-                // The decimal comma of the languages that separate fields by a semicolon.
-                let point = |(k, field): (usize, &str)| {
-                    if columns.contains(&k) { field.replace(',', ".") } else { field.to_owned() }
-                };
-                let position = record.position().cloned();
-                record = record.iter().enumerate().map(point).collect();
-                record.set_position(position);
-            }
-            let (wi, wo) = pair(&record, columns).map_err(|e| user_error(format!("{place}, line {line}: {e}")))?;
-            directions.push((line, wi, wo));
-            rows.push(record);
+        for (line, record) in table.rows() {
+            let (wi, wo) = pair(record, columns).map_err(|e| user_error(format!("{place}, line {line}: {e}")))?;
+            directions.push((*line, wi, wo));
+            rows.push(record.clone());
         }
         Ok(Self { place, header, rows, directions })
     }
@@ -166,25 +135,6 @@ impl Rows {
         }
         writer.into_inner().context("the table of values could not be put together")
     }
-}
-
-fn from_standard_input() -> std::io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    std::io::stdin().lock().take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(std::io::Error::new(
-            std::io::ErrorKind::FileTooLarge,
-            format!("there are more than {MOST_BYTES} bytes"),
-        ));
-    }
-    Ok(bytes)
-}
-
-/// What separates the names of the header: a comma unless all of them stand between semicolons or tabs.
-fn delimiter(text: &[u8]) -> u8 {
-    let header = text.split(|b| matches!(b, b'\n' | b'\r')).find(|line| !line.is_empty()).unwrap_or_default();
-    let fields = |delimiter: u8| header.split(move |b| *b == delimiter).count();
-    *[b',', b';', b'\t'].iter().max_by_key(|d| (fields(**d) >= COLUMNS.len(), **d == b',')).unwrap_or(&b',')
 }
 
 /// The two directions of a row, of unit length.

@@ -28,6 +28,7 @@ mod study;
 #[cfg(feature = "train")]
 mod study_input;
 mod sweep;
+mod table;
 #[cfg(feature = "train")]
 mod train;
 mod view;

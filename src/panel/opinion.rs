@@ -116,12 +116,17 @@ mod tests {
     #[test]
     fn scores_that_are_all_equal_leave_the_mean_unsure() {
         // 1 + 4 times Wilson's limits for k of 120, k = 0, 30, 120, computed in Python: 30 scores of 1, 2, 5.
-        for (score, low, high) in
-            [(1.0, 1.0, 1.124076665674814), (2.0, 1.7243928662723826, 2.3376454665650246), (5.0, 4.875923334325186, 5.0)]
-        {
+        for (score, low, high) in [
+            (1.0, 1.0, 1.124076665674814),
+            (2.0, 1.7243928662723826, 2.3376454665650246),
+            (5.0, 4.875923334325186, 5.0),
+        ] {
             let o = Opinion::of_scores(&[score; 30]).unwrap();
             let interval = o.interval.unwrap();
-            assert!((interval.low - low).abs() < 1e-12 && (interval.high - high).abs() < 1e-12, "{score}: {interval:?}");
+            assert!(
+                (interval.low - low).abs() < 1e-12 && (interval.high - high).abs() < 1e-12,
+                "{score}: {interval:?}"
+            );
             assert!(o.is_unanimous() && o.deviation == Some(0.0) && interval.contains(score));
         }
         // Fewer scores leave more unsure; one that differs is a spread that was found.

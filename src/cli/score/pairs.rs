@@ -1,16 +1,14 @@
 //! The rows of a table of pairs, their paths looked up.
 
-use super::super::output::STANDARD;
+use super::super::table::Table;
 use super::super::user_error;
 use anyhow::Result;
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use vernis::dataset::csv_study::source_beside;
-use vernis::dataset::csv_table::{CsvTable, Expected, MOST_BYTES, Others};
+use vernis::dataset::csv_table::{CsvTable, Expected, Others};
 use vernis_metric::brdf::formats::materials;
 use vernis_metric::brdf::{BrdfError, BrdfSource};
-use vernis_metric::io::read_at_most;
 
 const NEEDED: [&str; 2] = ["reference", "candidate"];
 
@@ -37,21 +35,8 @@ pub struct Pairs {
 impl Pairs {
     /// Of a file, or of standard input. Every path is looked up.
     pub fn read(path: &Path, data: Option<&Path>) -> Result<Self> {
-        let (name, folder, bytes) = if path == Path::new(STANDARD) {
-            let mut bytes = Vec::new();
-            let read = std::io::stdin().lock().take(MOST_BYTES + 1).read_to_end(&mut bytes);
-            let read = read.map_err(|e| user_error(format!("standard input: {e}")))?;
-            if read as u64 > MOST_BYTES {
-                return Err(user_error(format!(
-                    "standard input has more than {MOST_BYTES} bytes; it must have at most that"
-                )));
-            }
-            (PathBuf::from("standard input"), Path::new(""), bytes)
-        } else {
-            let bytes = read_at_most(path, MOST_BYTES).map_err(|e| user_error(format!("{}: {e}", path.display())))?;
-            (path.to_owned(), path.parent().unwrap_or(Path::new("")), bytes)
-        };
-        Self::of(&name, folder, &bytes, data)
+        let table = Table::read(path)?;
+        Self::of(&table.name, &table.folder, &table.bytes, data)
     }
 
     fn of(path: &Path, folder: &Path, bytes: &[u8], data: Option<&Path>) -> Result<Self> {

@@ -84,8 +84,9 @@ fn wilson(mos: f64, a: f64, raters: usize) -> Interval {
     let centre = p + z2 / (2.0 * m);
     let half = Z_975 * (p * (1.0 - p) / m + z2 / (4.0 * m * m)).max(0.0).sqrt();
     let on_scale = |share: f64| 1.0 + 4.0 * share / (1.0 + z2 / m);
-    // At the ends rounding would leave the mean itself outside.
-    Interval { low: on_scale(centre - half).min(mos), high: on_scale(centre + half).max(mos) }
+    // At the ends rounding would leave the scale, or the mean itself outside.
+    let (low, high) = (on_scale(centre - half).max(1.0), on_scale(centre + half).min(5.0));
+    Interval { low: low.min(mos), high: high.max(mos) }
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! Progress bars on standard error; into a log, which stage began when.
 
+use super::note;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
 use std::time::Instant;
-use vernis_metric::io::Progress;
+use vernis_metric::io::{Progress, one_line};
 
 /// One bar that changes its label from stage to stage.
 pub struct Bar {
@@ -28,9 +29,9 @@ impl Bar {
         {
             stage.clone_into(&mut current);
             self.bar.reset();
-            self.bar.set_message(stage.to_owned());
+            self.bar.set_message(one_line(stage).into_owned());
             if self.bar.is_hidden() && progress == Progress::BEGUN {
-                eprintln!("{:6.1} s  {stage}", self.started.elapsed().as_secs_f64());
+                note(format_args!("{:6.1} s  {stage}", self.started.elapsed().as_secs_f64()));
             }
         }
         self.bar.set_length(progress.total as u64);

@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use vernis::dataset::Study;
 use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, refit};
-use vernis::report::OutputFolder;
+use vernis::report::spreadsheet::cell;
+use vernis::report::{OutputFolder, markdown};
 use vernis_metric::fit::optimizer::StopReason;
 
 /// Rebuild the candidates of a study from its references.
@@ -45,7 +46,7 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let metric = workspace::one_metric(&args.metric, &args.view.options())?;
     let methods = methods(&args.method)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
-    let folder = OutputFolder::create(&args.out).map_err(user_error)?;
+    let folder = OutputFolder::claim(&args.out).map_err(user_error)?;
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
     let options =
@@ -89,15 +90,15 @@ fn to_csv(all: &[Refit]) -> Result<Vec<u8>> {
         let text = |of: &dyn Fn(&vernis_metric::fit::FitFile) -> String| file.map(of).unwrap_or_default();
         let reason = if let Outcome::None(reason) = &r.outcome { reason.as_str() } else { "" };
         writer.write_record([
-            r.material.as_str(),
+            &*cell(&r.material),
             r.method,
             r.model,
-            &text(&|f| f.metric.name.clone()),
+            &cell(&text(&|f| f.metric.name.clone())),
             &text(&|f| f.value.to_string()),
             state(&r.outcome),
             &text(&|f| (f.evaluations + f.polish_evaluations).to_string()),
-            if file.is_some() { r.file.as_str() } else { "" },
-            reason,
+            &cell(if file.is_some() { r.file.as_str() } else { "" }),
+            &cell(reason),
         ])?;
     }
     Ok(writer.into_inner().map_err(|e| e.into_error())?)
@@ -110,6 +111,7 @@ fn to_markdown(all: &[Refit], metric: &str) -> String {
         let place = METHODS.iter().position(|(name, _)| *name == refit.method).unwrap_or(METHODS.len());
         by_method.entry(place).or_default().push(refit);
     }
+    let metric = markdown::text(metric);
     let mut text = format!(
         "| method | model | fits | not converged | none | {metric}: lower quartile | median | upper quartile |\n\
          | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"

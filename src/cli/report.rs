@@ -8,8 +8,11 @@ use std::path::{Path, PathBuf};
 use vernis::dataset::{DatasetError, Study};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::report::{OutputFolder, Whole, pictures, write_whole};
+use vernis_metric::io::read_at_most;
 use vernis_metric::light::source::Light;
 
+/// Far more than the record of the full study takes.
+const MOST_BYTES: u64 = 1 << 30;
 /// Layout of the lamps where there is no probe.
 const LAMPS: usize = 1;
 /// Light probes of the study, in a data folder: name and file.
@@ -42,7 +45,7 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     let benchmark = args.benchmark.as_deref().map(read_benchmark).transpose()?;
     let (record, name) = describe(shared, &args.ratings)?;
     let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(format!("report-{name}")));
-    let folder = OutputFolder::create(folder).map_err(user_error)?;
+    let folder = OutputFolder::claim(folder).map_err(user_error)?;
     let data = shared.data.as_deref();
     let mut missing = Vec::new();
     let found = PROBES.map(|(name, file)| data.map(|d| (name, d.join(file))).filter(|(_, path)| path.is_file()));
@@ -95,7 +98,7 @@ fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
     let wrong = |reason: String| {
         user_error(format!("{}: {reason}; it must be the benchmark.json of a train or a benchmark", path.display()))
     };
-    let bytes = std::fs::read(&path).map_err(|e| wrong(e.to_string()))?;
+    let bytes = read_at_most(&path, MOST_BYTES).map_err(|e| wrong(e.to_string()))?;
     serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))
 }
 

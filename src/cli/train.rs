@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::study_input::StudyInput;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, note, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -137,7 +137,7 @@ impl Job {
                 extracted.check_whole(&place).map_err(user_error)?;
                 extracted.check_versions(&metrics(&extracted.study)?, &place).map_err(user_error)?;
                 let folder = folder(options, &how, &extracted.study)?;
-                eprintln!("{place}: embeddings are left out, for they are learned from BRDFs");
+                note(format_args!("{place}: embeddings are left out, for they are learned from BRDFs"));
                 (Measurement::of_extracted(&extracted, &how, purpose, &progress), folder)
             }
             None => {
@@ -158,7 +158,7 @@ impl Job {
         let (study, data) = (self.measurement.study(), shared.data.as_deref());
         let materials = match pictures::of_study(study, data, Some(record), &light, MOST_PICTURED) {
             Err(PictureError::Source(error)) if self.extracted => {
-                eprintln!("no pictures of materials in the report: {error}");
+                note(format_args!("no pictures of materials in the report: {error}"));
                 Vec::new()
             }
             found => found?,
@@ -171,5 +171,5 @@ impl Job {
 fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
     study.validate(folds_of(how, study)).map_err(user_error)?;
     let out = options.out.clone().unwrap_or_else(|| Path::new("out").join(study.short_name()));
-    OutputFolder::create(out).map_err(user_error)
+    OutputFolder::claim(out).map_err(user_error)
 }

@@ -29,6 +29,7 @@ use thiserror::Error;
 use vernis_metric::brdf::BrdfError;
 use vernis_metric::descriptor::DescriptorError;
 use vernis_metric::fit::FitError;
+use vernis_metric::io::LockError;
 use vernis_metric::metric::MetricError;
 use vernis_metric::metric::learned::ExportedError;
 
@@ -70,6 +71,8 @@ pub enum ExperimentError {
     Embedding(Box<EmbeddingError>),
     #[error("{}: none of the {asked} combinations is there", folder.display())]
     NothingKept { folder: PathBuf, asked: usize },
+    #[error(transparent)]
+    Lock(Box<LockError>),
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
 }
@@ -97,6 +100,7 @@ boxed! {
     Descriptor(DescriptorError),
     Exported(ExportedError),
     Export(ExportError),
+    Lock(LockError),
     #[cfg(feature = "train")]
     Embedding(EmbeddingError),
 }

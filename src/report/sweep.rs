@@ -1,6 +1,8 @@
 //! The report of a sweep: Markdown for people, CSV for machines.
 
 use super::ReportError;
+use super::markdown;
+use super::spreadsheet::cell;
 use super::tables::Table;
 use crate::experiment::sweep::{GAMMAS, Judged, SweepRecord, SweepRow};
 
@@ -40,8 +42,9 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
 /// `found` of the combinations that `command` asks for are in the record, `asked` they are.
 pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2]) -> String {
     let mut text = format!(
-        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {asked} combinations that this command asks for, \
+        "# Sweep of the transport and kernel distances\n\n{}\n\n{found} of the {asked} combinations that this command asks for, \
          {} of them refused and the others with {} powers gamma each; {} resamples of materials, seed {}.\n\n",
+        markdown::code(command),
         record.refused.len(),
         GAMMAS.len(),
         record.resamples,
@@ -59,7 +62,7 @@ pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2])
             let others = names.len() - 1;
             let others =
                 if others == 0 { String::new() } else { format!(" and {others} others to `{}`", names[others]) };
-            text += &format!("* `{}`{others}: {reason}\n", names[0]);
+            text += &format!("* {}{others}: {}\n", markdown::code(names[0]), markdown::text(reason));
         }
     }
     text
@@ -89,7 +92,7 @@ pub fn csv(record: &SweepRecord) -> Result<Vec<u8>, ReportError> {
         let numbers = [row.plcc, row.srocc, row.plcc_raw]
             .into_iter()
             .flat_map(|j| [j.value, j.interval.low, j.interval.high].map(|x| x.to_string()));
-        let line = [split.to_owned(), row.name.clone()].into_iter().chain(numbers);
+        let line = [split.to_owned(), cell(&row.name).into_owned()].into_iter().chain(numbers);
         writer.write_record(line).map_err(|e| failed(e.to_string()))?;
     }
     writer.into_inner().map_err(|e| failed(e.to_string()))

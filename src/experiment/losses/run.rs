@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Setup};
 use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting};
-use vernis_metric::io::{Progress, seal, unseal};
+use vernis_metric::io::{Progress, read_at_most, seal, unseal};
 use vernis_metric::math::seed;
 use vernis_metric::metric::lp::{self, LpDistances, LpReference};
 use vernis_metric::metric::registry::Registry;
@@ -24,6 +24,8 @@ use vernis_metric::metric::{Metric, MetricError, PreparedMetric};
 
 /// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
 const VERSION: u32 = 2;
+/// Far more than a fit takes.
+const MOST_BYTES: u64 = 64 << 20;
 /// Lp distances that judge.
 const LP: [&str; 4] = ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl"];
 /// What is taken of the pictures under a probe: the ending of the judge's name, and the descriptor.
@@ -181,7 +183,7 @@ impl Job<'_> {
     fn kept(&self) -> Vec<Option<FitRecord>> {
         let read = |(model, loss): (&str, Loss)| {
             let path = self.experiment.folder.join(self.file(model, loss));
-            let bytes = std::fs::read(&path).ok()?;
+            let bytes = read_at_most(&path, MOST_BYTES).ok()?;
             let record: FitRecord = match unseal(&bytes) {
                 Ok(record) => record,
                 Err(e) => {

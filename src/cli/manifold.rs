@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis::dataset::Study;
 use vernis::experiment::refit::file_name;
+use vernis::report::spreadsheet::cell;
 use vernis_metric::brdf::formats::{merl, titopo};
 use vernis_metric::brdf::{Brdf, BrdfError, BrdfSource, Grid, TabulatedBrdf};
 use vernis_metric::descriptor::DescriptorOptions;
@@ -180,11 +181,12 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
 
 fn to_csv(samples: &[Sample], metrics: &[Arc<dyn Metric>]) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(["sample", "file"].into_iter().chain(metrics.iter().map(|m| m.name())))?;
+    let names = metrics.iter().map(|m| cell(m.name()).into_owned());
+    writer.write_record(["sample", "file"].map(str::to_owned).into_iter().chain(names))?;
     for (k, sample) in samples.iter().enumerate() {
         let file = sample.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let numbers = sample.distances.iter().map(f64::to_string);
-        writer.write_record([(k + 1).to_string(), file].into_iter().chain(numbers))?;
+        writer.write_record([(k + 1).to_string(), cell(&file).into_owned()].into_iter().chain(numbers))?;
     }
     Ok(writer.into_inner().map_err(|e| e.into_error())?)
 }

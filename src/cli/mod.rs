@@ -42,6 +42,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Mutex;
+use vernis_metric::io::{for_terminal, one_line};
 
 /// Beyond the cores of any one machine; far more threads than cores take minutes to start.
 const MOST_THREADS: usize = 1024;
@@ -136,10 +137,11 @@ fn user_error(message: impl std::fmt::Display) -> anyhow::Error {
     UserError(message.to_string()).into()
 }
 
-/// Writes results to standard output. A reader that has seen enough, such as `head`, is no fault of anybody.
+/// Writes results to standard output; names and paths in them cannot act on a terminal. A reader that has seen enough, such as
+/// `head`, is no fault of anybody.
 fn print(text: impl std::fmt::Display) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    match write!(out, "{text}").and_then(|()| out.flush()) {
+    match write!(out, "{}", for_terminal(&text.to_string())).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(anyhow::Error::new(error).context("standard output"))
         }
@@ -151,14 +153,49 @@ fn print(text: impl std::fmt::Display) -> Result<()> {
 fn say_once(text: &str) {
     static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
     if SAID.lock().is_ok_and(|mut said| said.insert(text.to_owned())) {
-        eprintln!("{text}");
+        note(text);
+    }
+}
+
+/// Writes one line to standard error; what it names cannot act on a terminal.
+fn note(text: impl std::fmt::Display) {
+    tell(&format!("{}\n", one_line(&text.to_string())));
+}
+
+/// The same of something that went wrong and can be done without.
+fn warning(text: impl std::fmt::Display) {
+    note(format_args!("vernis: warning: {text}"));
+}
+
+/// The only place that writes to standard error, progress bars apart. Where it cannot be written, there is nobody to tell, and the
+/// work goes on.
+fn tell(text: &str) {
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// What the arguments cannot be, or the help that they ask for.
+fn usage(error: &clap::Error) -> ExitCode {
+    if error.use_stderr() {
+        // It repeats arguments as they were given.
+        tell(&for_terminal(&error.render().to_string()));
+        return ExitCode::from(2);
+    }
+    match error.print() {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            note(format_args!("vernis: standard output: {error}"));
+            ExitCode::from(1)
+        }
+        _ => ExitCode::SUCCESS,
     }
 }
 
 /// Parses the arguments, runs the subcommand, reports what went wrong in one message.
 pub fn run() -> ExitCode {
     vernis::dataset::notice::listen(say_once);
-    let mut cli = Cli::parse();
+    let mut cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
     for (folder, variable) in [(&mut cli.shared.data, "VERNIS_DATA"), (&mut cli.shared.cache, "VERNIS_CACHE")] {
         *folder = folder.take().or_else(|| std::env::var_os(variable).map(PathBuf::from));
         folder.take_if(|path| path.as_os_str().is_empty());
@@ -166,7 +203,7 @@ pub fn run() -> ExitCode {
     match dispatch(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("vernis: {error:#}");
+            note(format_args!("vernis: {error:#}"));
             let ended =
                 error.chain().find_map(|cause| cause.downcast_ref::<signals::Ended>()).map(signals::Ended::code);
             let any = |is: fn(&(dyn std::error::Error + 'static)) -> bool| error.chain().any(is);
@@ -180,13 +217,23 @@ pub fn run() -> ExitCode {
     }
 }
 
-fn dispatch(cli: Cli) -> Result<()> {
-    if let Some(n) = cli.shared.threads {
+/// Starts the worker threads, which otherwise start at their first use and end the program where they cannot.
+fn start_threads(asked: Option<usize>) -> Result<()> {
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    let mut what = "the worker threads, one per core".to_owned();
+    if let Some(n) = asked {
         if !(1..=MOST_THREADS).contains(&n) {
             return Err(user_error(format!("--threads is {n}; it must be 1 to {MOST_THREADS}")));
         }
-        rayon::ThreadPoolBuilder::new().num_threads(n).build_global()?;
+        pool = pool.num_threads(n);
+        what = format!("{n} worker threads");
     }
+    let failed = |e| anyhow::anyhow!("{what} cannot be started ({e}); ask for fewer with --threads");
+    pool.build_global().map_err(failed)
+}
+
+fn dispatch(cli: Cli) -> Result<()> {
+    start_threads(cli.shared.threads)?;
     match cli.command {
         #[cfg(feature = "train")]
         Command::Train(args) => train::train(&cli.shared, args),

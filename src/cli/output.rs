@@ -20,11 +20,14 @@ pub struct Replace {
     /// Replace earlier results. Inputs are never replaced.
     #[arg(long)]
     replace: bool,
+    /// Whether the command goes on with what it finds.
+    #[arg(skip)]
+    continues: bool,
 }
 
 impl Replace {
     /// Of a command that continues what it finds: its own earlier results are part of the work.
-    pub const CONTINUES: Self = Self { replace: true };
+    pub const CONTINUES: Self = Self { replace: true, continues: true };
 }
 
 /// The files that a command reads.
@@ -145,7 +148,9 @@ pub fn folder<N: AsRef<str>>(
             refuse_earlier(&file, replace)?;
         }
     }
-    OutputFolder::create(path).map_err(user_error)
+    // Files that belong together are of one run; a command that continues has locks of its own, or shares its folder.
+    let made = if replace.continues { OutputFolder::create(path) } else { OutputFolder::claim(path) };
+    made.map_err(user_error)
 }
 
 #[cfg(test)]
@@ -175,13 +180,13 @@ mod tests {
             spellings.extend(["soft.csv", "link/in.csv"]);
         }
         for name in spellings {
-            let error = file(&at(name), &inputs(), Replace { replace: true }).unwrap_err().to_string();
+            let error = file(&at(name), &inputs(), Replace { replace: true, continues: false }).unwrap_err().to_string();
             assert!(error.contains("input of this command; inputs are never replaced"), "{name}: {error}");
         }
-        assert!(file(&at("missing.csv"), &inputs(), Replace { replace: false }).is_ok());
-        let error = file(&at("other.csv"), &inputs(), Replace { replace: false }).unwrap_err().to_string();
+        assert!(file(&at("missing.csv"), &inputs(), Replace { replace: false, continues: false }).is_ok());
+        let error = file(&at("other.csv"), &inputs(), Replace { replace: false, continues: false }).unwrap_err().to_string();
         assert!(error.ends_with("other.csv exists already; use --replace to replace it"), "{error}");
-        assert!(file(&at("other.csv"), &inputs(), Replace { replace: true }).is_ok());
+        assert!(file(&at("other.csv"), &inputs(), Replace { replace: true, continues: false }).is_ok());
         assert_eq!(fs::read(at("in.csv")).unwrap(), b"kept");
     }
 
@@ -192,7 +197,7 @@ mod tests {
         fs::create_dir(&own).unwrap();
         fs::write(own.join("report.html"), "earlier").unwrap();
         let of = |named: Option<&Path>, inputs: &Inputs, replace: bool| {
-            refused(folder(named, || own.clone(), &["a.csv", "report.html"], inputs, Replace { replace }))
+            refused(folder(named, || own.clone(), &["a.csv", "report.html"], inputs, Replace { replace, continues: false }))
         };
         let none = Inputs::default();
         assert_eq!(of(None, &none, false), "");

@@ -1,10 +1,10 @@
 //! Progress bars on standard error; into a log, which stage began when.
 
+use super::note;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::Write;
 use std::sync::Mutex;
 use std::time::Instant;
-use vernis_metric::io::Progress;
+use vernis_metric::io::{Progress, one_line};
 
 /// One bar that changes its label from stage to stage.
 pub struct Bar {
@@ -66,7 +66,7 @@ impl Bar {
             self.show_as(Form::Begun);
             self.bar.reset();
             if self.bar.is_hidden() && progress == Progress::BEGUN {
-                let _ = writeln!(std::io::stderr(), "{:6.1} s  {stage}", self.started.elapsed().as_secs_f64());
+                note(format_args!("{:6.1} s  {stage}", self.started.elapsed().as_secs_f64()));
             }
         }
         if progress.total > 0 {
@@ -75,7 +75,7 @@ impl Bar {
         let form = Form::of(progress);
         if shown.form != Some(form) {
             self.show_as(form);
-            self.bar.set_message(stage.to_owned());
+            self.bar.set_message(one_line(stage).into_owned());
             shown.form = Some(form);
         }
         // Threads may report out of order; the bar only moves forward.
@@ -89,7 +89,7 @@ impl Bar {
 
     /// Writes a line on standard error, above the bar.
     pub fn line(&self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| note(text));
     }
 
     pub fn finish(&self) {

@@ -11,6 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use vernis::dataset::Study;
 use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, file_name, refit};
+use vernis::report::spreadsheet::cell;
+use vernis::report::{OutputFolder, markdown};
 
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]
@@ -51,6 +53,7 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let inputs = inputs.sources(references, shared.data.as_deref());
     let names = names(&study, &methods);
     let folder = output::folder(Some(&args.out), PathBuf::new, &names, &inputs, Replace::CONTINUES)?;
+    let folder = OutputFolder::claim(folder.path()).map_err(user_error)?;
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();
     signals::resumable(
@@ -104,15 +107,15 @@ fn to_csv(all: &[Refit]) -> Result<Vec<u8>> {
         let text = |of: &dyn Fn(&vernis_metric::fit::FitFile) -> String| file.map(of).unwrap_or_default();
         let reason = if let Outcome::None(reason) = &r.outcome { reason.as_str() } else { "" };
         writer.write_record([
-            r.material.as_str(),
+            &*cell(&r.material),
             r.method,
             r.model,
-            &text(&|f| f.metric.name.clone()),
+            &cell(&text(&|f| f.metric.name.clone())),
             &text(&|f| f.value.to_string()),
             state(&r.outcome),
             &text(&|f| (f.evaluations + f.polish_evaluations).to_string()),
-            if file.is_some() { r.file.as_str() } else { "" },
-            reason,
+            &cell(if file.is_some() { r.file.as_str() } else { "" }),
+            &cell(reason),
         ])?;
     }
     Ok(writer.into_inner().map_err(|e| e.into_error())?)
@@ -125,6 +128,7 @@ fn to_markdown(all: &[Refit], metric: &str) -> String {
         let place = METHODS.iter().position(|(name, _)| *name == refit.method).unwrap_or(METHODS.len());
         by_method.entry(place).or_default().push(refit);
     }
+    let metric = markdown::text(metric);
     let mut text = format!(
         "| method | model | fits | not converged | none | {metric}: lower quartile | median | upper quartile |\n\
          | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"

@@ -9,8 +9,11 @@ use std::path::{Path, PathBuf};
 use vernis::dataset::{DatasetError, Study, manifest};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::report::{self, Whole, pictures, write_whole};
+use vernis_metric::io::read_at_most;
 use vernis_metric::light::source::Light;
 
+/// Far more than the record of the full study takes.
+const MOST_BYTES: u64 = 1 << 30;
 /// Layout of the lamps where there is no probe.
 const LAMPS: usize = 1;
 /// Light probes of the published study, in a data folder: name and file.
@@ -109,7 +112,7 @@ fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
     let wrong = |reason: String| {
         user_error(format!("{}: {reason}; it must be the benchmark.json of a train or a benchmark", path.display()))
     };
-    let bytes = std::fs::read(&path).map_err(|e| wrong(e.to_string()))?;
+    let bytes = read_at_most(&path, MOST_BYTES).map_err(|e| wrong(e.to_string()))?;
     serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))
 }
 

@@ -4,7 +4,7 @@ use super::output::{self, Replace};
 use super::progress::Bar;
 use super::scores::ScoresArgs;
 use super::study_input::StudyInput;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, note, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -152,7 +152,7 @@ impl Job {
                 extracted.check_versions(&metrics(&extracted.study)?, &place).map_err(user_error)?;
                 let folder = folder(options, &how, &extracted.study)?;
                 how.scores = options.scores.load(&extracted.study)?;
-                eprintln!("{place}: embeddings are left out, for they are learned from BRDFs");
+                note(format_args!("{place}: embeddings are left out, for they are learned from BRDFs"));
                 (Measurement::of_extracted(&extracted, &how, purpose, &progress), folder)
             }
             None => {
@@ -174,7 +174,7 @@ impl Job {
         let (study, data) = (self.measurement.study(), shared.data.as_deref());
         let materials = match pictures::of_study(study, data, Some(record), &light, MOST_PICTURED) {
             Err(PictureError::Source(error)) if self.extracted => {
-                eprintln!("no pictures of materials in the report: {error}");
+                note(format_args!("no pictures of materials in the report: {error}"));
                 Vec::new()
             }
             found => found?,

@@ -2,7 +2,7 @@
 
 use super::output::Inputs;
 use super::view::View;
-use super::{Shared, user_error};
+use super::{Shared, user_error, warning};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,8 @@ pub fn open(notation: &str, data: Option<&Path>) -> Result<OpenBrdf> {
 /// Which metrics, on which cells, under which lights.
 #[derive(Args)]
 pub struct MetricChoice {
-    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis].
+    /// A metric by name, `all-lp`, or the path of an exported metric; may be given several times [default: vernis]. A file whose
+    /// metric has the name of a built-in one is called NAME@FILE.
     #[arg(long = "metric", short = 'm', value_name = "NAME|FILE")]
     names: Vec<String>,
     /// Grid of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
@@ -60,7 +61,7 @@ impl MetricChoice {
 }
 
 /// The metrics called `names`; a name that ends in `.json` is the path of an exported metric, which may need the probe or the mesh
-/// of `options`. No name means the shipped one.
+/// of `options`, and which is called `NAME@FILE` where a built-in metric has its name. No name means the shipped one.
 pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<dyn Metric>>> {
     let registry = Registry::standard()?;
     let default = [DEFAULT_METRIC.to_owned()];
@@ -69,7 +70,7 @@ pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<
     for name in names {
         let new = if name.ends_with(".json") {
             let learned = LearnedMetric::load_with(Path::new(name), options).map_err(user_error)?;
-            vec![Arc::new(learned) as Arc<dyn Metric>]
+            vec![Arc::new(with_own_name(learned, name, &registry)) as Arc<dyn Metric>]
         } else {
             registry.resolve(name).map_err(user_error)?
         };
@@ -87,6 +88,20 @@ pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<
         }
     }
     Ok(found)
+}
+
+/// The metric of `file` under a name that none of `registry` has: a file never hides a metric that is built in, and its numbers
+/// never stand under that one's name.
+fn with_own_name(metric: LearnedMetric, file: &str, registry: &Registry) -> LearnedMetric {
+    let name = metric.name();
+    // A copy of the metric that is built in is that metric.
+    let same = registry.get(name).is_ok_and(|known| known.identity() == metric.identity());
+    if same || !registry.knows(name) {
+        return metric;
+    }
+    let file = Path::new(file).file_name().unwrap_or_default().to_string_lossy();
+    let own = format!("{name}@{file}");
+    metric.renamed(own)
 }
 
 /// The one metric called `name`.
@@ -115,7 +130,7 @@ pub fn cache(shared: &Shared) -> Result<Option<Cache>> {
         Ok(cache) => Ok(Some(cache)),
         Err(error) if shared.cache.is_some() => Err(user_error(error)),
         Err(error) => {
-            eprintln!("vernis: warning: {error}; going on without a cache");
+            warning(format_args!("{error}; going on without a cache"));
             Ok(None)
         }
     }
@@ -152,7 +167,5 @@ pub fn resamples(text: &str) -> Result<usize, String> {
 
 /// Says what could not be kept.
 pub fn warn(warnings: impl IntoIterator<Item = impl std::fmt::Display>) {
-    for warning in warnings {
-        eprintln!("vernis: warning: {warning}");
-    }
+    warnings.into_iter().for_each(warning);
 }

@@ -5,10 +5,10 @@ use super::manifest::PinnedFile;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 use vernis_metric::brdf::ContentHash;
+use vernis_metric::io::open_regular;
 
 /// Bytes that are read at a time.
 const PIECE: usize = 1 << 16;
@@ -44,10 +44,7 @@ impl Measured {
     /// # Errors
     /// What the operating system says, or that `path` is no regular file.
     pub fn of(path: &Path, progress: &mut dyn FnMut(u64)) -> io::Result<Self> {
-        if !std::fs::metadata(path)?.is_file() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
-        }
-        let mut file = File::open(path)?;
+        let mut file = open_regular(path)?;
         let mut hash = Sha256::new();
         let mut piece = [0; PIECE];
         let mut bytes = 0;
@@ -140,6 +137,6 @@ mod tests {
         let measured = Measured::of(&path, &mut |n| told += n).unwrap();
         assert_eq!((told, measured.bytes), (long.len() as u64, long.len() as u64));
         assert_eq!(measured.sha256, ContentHash::of(&long));
-        assert!(Measured::of(folder.path(), &mut |_| ()).unwrap_err().to_string().contains("not a regular file"));
+        assert!(Measured::of(folder.path(), &mut |_| ()).unwrap_err().to_string().contains("it is a folder"));
     }
 }

@@ -33,6 +33,7 @@ use thiserror::Error;
 use vernis_metric::brdf::BrdfError;
 use vernis_metric::descriptor::DescriptorError;
 use vernis_metric::fit::FitError;
+use vernis_metric::io::LockError;
 use vernis_metric::metric::MetricError;
 use vernis_metric::metric::learned::ExportedError;
 
@@ -76,6 +77,8 @@ pub enum ExperimentError {
     NothingKept { folder: PathBuf, asked: usize },
     #[error("{study}: no rated pair is of a method that could be rebuilt in a known way; there must be at least one")]
     NoWay { study: String },
+    #[error(transparent)]
+    Lock(Box<LockError>),
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
     #[error("{} is the result of another run: {differences}; choose another folder, or remove the file", path.display())]
@@ -105,6 +108,7 @@ boxed! {
     Descriptor(DescriptorError),
     Exported(ExportedError),
     Export(ExportError),
+    Lock(LockError),
     #[cfg(feature = "train")]
     Embedding(EmbeddingError),
 }

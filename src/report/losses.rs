@@ -1,5 +1,6 @@
 //! The report of the experiment on losses, in Markdown.
 
+use super::markdown;
 use super::tables::Table;
 use crate::experiment::losses::compare::{Comparison, Verdict};
 use crate::experiment::losses::record::{LossesRecord, Searches};
@@ -9,7 +10,7 @@ use vernis_metric::io::counted;
 
 /// The whole report; `command` makes it again.
 pub fn markdown(record: &LossesRecord, command: &str) -> String {
-    let mut text = format!("# Which loss should a fit have?\n\n`{command}`\n\n");
+    let mut text = format!("# Which loss should a fit have?\n\n{}\n\n", markdown::code(command));
     if record.synthetic {
         text += "**SYNTHETIC ratings: they come from simulated observers and say nothing about people.**\n\n";
     }
@@ -188,14 +189,20 @@ fn method(record: &LossesRecord) -> String {
          sphere under a light probe in five turns, in an opponent log space (fourth-power mean) and as a screen shows them \
          (root mean square). The learned metrics use such pictures, but under other lights.\n\
          * Searches that reached their limit of evaluations, of all fits, and the median number of evaluations: ",
-        s.coarsening, s.transport, s.max_evaluations, s.folds, record.study, s.energy,
+        s.coarsening,
+        s.transport,
+        s.max_evaluations,
+        s.folds,
+        markdown::text(&record.study),
+        s.energy,
     );
     let ends = |e: &Searches| format!("`{}` {} of {}, {}", e.loss.name(), e.unfinished, e.fits, e.evaluations);
     text += &record.searches.iter().map(ends).collect::<Vec<_>>().join("; ");
-    text += &format!(".\n* Materials: {}.\n", record.materials.join(", "));
+    text += &format!(".\n* Materials: {}.\n", markdown::text(&record.materials.join(", ")));
     text += &format!("* Seed {}, vernis {}.", s.seed, env!("CARGO_PKG_VERSION"));
     for (name, sha256) in &record.data {
-        text += &format!(" `{name}` {}.", &sha256[..16.min(sha256.len())]);
+        let start: String = sha256.chars().take(16).collect();
+        text += &format!(" {} {}.", markdown::code(name), markdown::text(&start));
     }
     text + "\n"
 }

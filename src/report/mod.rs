@@ -3,6 +3,7 @@
 #[cfg(feature = "train")]
 pub mod figures;
 pub mod losses;
+pub mod markdown;
 pub mod output;
 pub mod page;
 pub mod pictures;
@@ -29,6 +30,9 @@ use thiserror::Error;
 pub enum ReportError {
     #[error("{path}: cannot write there: {source}; it must be a folder that can be created and written to")]
     Unwritable { path: PathBuf, source: std::io::Error },
+    /// Another process writes into the folder.
+    #[error(transparent)]
+    Lock(vernis_metric::io::LockError),
     #[error("{path}: {source}")]
     Write { path: PathBuf, source: std::io::Error },
     #[error("the figure {figure} could not be drawn: {reason}")]

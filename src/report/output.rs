@@ -2,25 +2,42 @@
 
 use super::ReportError;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use vernis_metric::io::write_atomically;
+use std::sync::Arc;
+use vernis_metric::io::{FolderLock, NewFile, write_atomically};
 
 /// A folder that could be written to when it was created.
 #[derive(Debug, Clone)]
 pub struct OutputFolder {
     path: PathBuf,
+    /// Of a folder that was claimed; held, and never looked at.
+    lock: Option<Arc<FolderLock>>,
 }
 
 impl OutputFolder {
     /// Creates the folder where it is missing and tries a file in it; what it already holds is left alone.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, ReportError> {
         let path = path.into();
-        let probe = path.join(format!(".vernis-probe-{}", std::process::id()));
+        let probe = || {
+            let mut file = NewFile::create(&path.join("probe"))?;
+            file.write_all(b"vernis")?;
+            file.flush()
+        };
         fs::create_dir_all(&path)
-            .and_then(|()| fs::write(&probe, b"vernis"))
-            .and_then(|()| fs::remove_file(&probe))
+            .and_then(|()| probe())
             .map_err(|source| ReportError::Unwritable { path: path.clone(), source })?;
-        Ok(Self { path })
+        Ok(Self { path, lock: None })
+    }
+
+    /// The same for a folder whose files belong together: no other process can claim it before this is dropped.
+    ///
+    /// # Errors
+    /// Those of [`OutputFolder::create`]; [`ReportError::Lock`], which says who has claimed it.
+    pub fn claim(path: impl Into<PathBuf>) -> Result<Self, ReportError> {
+        let folder = Self::create(path)?;
+        let lock = FolderLock::acquire(&folder.path).map_err(ReportError::Lock)?;
+        Ok(Self { lock: Some(Arc::new(lock)), ..folder })
     }
 
     /// Path of the folder.
@@ -49,6 +66,19 @@ mod tests {
         let path = folder.write("x.txt", b"two").unwrap();
         assert_eq!(fs::read(path).unwrap(), b"two");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_claimed_folder_is_claimed_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = OutputFolder::claim(dir.path()).unwrap();
+        let error = OutputFolder::claim(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("another vernis is writing there (host "), "{error}");
+        // A single file beside its results harms nobody.
+        OutputFolder::create(dir.path()).unwrap().write("x", b"x").unwrap();
+        drop(first);
+        OutputFolder::claim(dir.path()).unwrap();
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The statistics of a study's ratings as aligned text and as Markdown, from one list of blocks.
 
+use super::markdown;
 use super::tables::Table;
 use crate::dataset::manifest;
 use crate::panel::anova::Anova;
@@ -40,14 +41,15 @@ pub fn text(record: &StudyRecord) -> String {
 pub fn markdown(record: &StudyRecord) -> String {
     let parts = blocks(record).into_iter().map(|block| match block {
         Block::Heading(h) => format!("## {h}\n\n"),
-        Block::Text(t) => format!("{t}\n\n"),
+        Block::Text(t) => format!("{}\n\n", markdown::text(&t)),
         Block::Table(t) => format!("{}\n", t.to_markdown()),
     });
-    let mut page = format!("# {}\n\n{}", title(record), parts.collect::<String>());
+    let mut page = format!("# {}\n\n{}", markdown::text(&title(record)), parts.collect::<String>());
     page += "## Provenance\n\n";
-    page += &format!("* command: `{}`\n* vernis {}, seed {}\n", record.command, record.version, record.seed);
+    let command = markdown::code(&record.command);
+    page += &format!("* command: {command}\n* vernis {}, seed {}\n", markdown::text(&record.version), record.seed);
     for (file, hash) in &record.data {
-        page += &format!("* `{file}`: SHA-256 {hash}\n");
+        page += &format!("* {}: SHA-256 {}\n", markdown::code(file), markdown::text(hash));
     }
     page
 }

@@ -1,6 +1,8 @@
 //! The report of a sweep: Markdown for people, CSV for machines.
 
 use super::ReportError;
+use super::markdown;
+use super::spreadsheet::cell;
 use super::tables::Table;
 use crate::experiment::sweep::{GAMMAS, Judged, SweepRecord, SweepRow};
 use vernis_metric::io::counted;
@@ -43,8 +45,9 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
 /// `found` of the combinations that `command` asks for are in the record, `asked` they are.
 pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2]) -> String {
     let mut text = format!(
-        "# Sweep of the transport and kernel distances\n\n`{command}`\n\n{found} of the {} that this command asks for, \
+        "# Sweep of the transport and kernel distances\n\n{}\n\n{found} of the {} that this command asks for, \
          {} of them refused and the others with {} powers gamma each; {} of materials, seed {}. Versions: {}.\n\n",
+        markdown::code(command),
         counted(asked, "combination"),
         record.refused.len(),
         GAMMAS.len(),
@@ -68,9 +71,9 @@ pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2])
             let others = names.len() - 1;
             let others = match others {
                 0 => String::new(),
-                n => format!(" and {} to `{}`", counted(n, "other"), names[n]),
+                n => format!(" and {} to {}", counted(n, "other"), markdown::code(names[n])),
             };
-            text += &format!("* `{}`{others}: {reason}\n", names[0]);
+            text += &format!("* {}{others}: {}\n", markdown::code(names[0]), markdown::text(reason));
         }
     }
     text
@@ -103,7 +106,7 @@ pub fn csv(record: &SweepRecord) -> Result<Vec<u8>, ReportError> {
             })
         };
         let numbers = [Some(row.plcc), Some(row.srocc), row.plcc_raw].into_iter().flat_map(cells);
-        let line = [split.to_owned(), row.name.clone()].into_iter().chain(numbers);
+        let line = [split.to_owned(), cell(&row.name).into_owned()].into_iter().chain(numbers);
         writer.write_record(line).map_err(|e| failed(e.to_string()))?;
     }
     writer.into_inner().map_err(|e| failed(e.to_string()))

@@ -1,5 +1,6 @@
 //! Tables of a benchmark, and their three forms: aligned text, Markdown, HTML.
 
+use super::markdown;
 use crate::evaluation::agreement::Figure;
 use crate::evaluation::bootstrap::{Difference, Interval};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, Judgement, MetricRecord, RowSet, Split};
@@ -43,13 +44,13 @@ impl Table {
     /// The title and a Markdown table.
     pub fn to_markdown(&self) -> String {
         let line = |cells: &[String]| {
-            let cells: Vec<String> = cells.iter().map(|c| c.replace('|', "\\|")).collect();
+            let cells: Vec<String> = cells.iter().map(|c| markdown::text(c)).collect();
             format!("| {} |\n", cells.join(" | "))
         };
         let rule = vec![":---".to_owned(); 1].into_iter().chain(self.columns.iter().skip(1).map(|_| "---:".to_owned()));
         let rule = format!("| {} |\n", rule.collect::<Vec<_>>().join(" | "));
         let rows: String = self.rows.iter().map(|row| line(row)).collect();
-        format!("**{}**\n\n{}{rule}{rows}", self.title, line(&self.columns))
+        format!("**{}**\n\n{}{rule}{rows}", markdown::text(&self.title), line(&self.columns))
     }
 
     /// An HTML table with the title as its caption.
@@ -337,7 +338,7 @@ mod tests {
     fn markdown_and_html_escape_what_they_must() {
         assert_eq!(
             table().to_markdown(),
-            "**Title**\n\n| name | x |\n| :--- | ---: |\n| a\\|<b> | 1 |\n| long name | 22 |\n"
+            "**Title**\n\n| name | x |\n| :--- | ---: |\n| a\\|&lt;b> | 1 |\n| long name | 22 |\n"
         );
         assert!(table().to_html().into_string().contains("<th scope=\"row\">a|&lt;b&gt;</th><td>1</td>"));
     }

@@ -5,6 +5,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::thread::Builder;
 
 /// `work(0)`, `work(1)`, ... `work(jobs - 1)`, in that order, as many at a time as rayon's pool has threads.
 ///
@@ -28,8 +29,11 @@ pub fn in_order<T: Send, E: Send>(jobs: usize, work: impl Fn(usize) -> Result<T,
         }
     };
     std::thread::scope(|scope| {
-        for _ in 0..rayon::current_num_threads().min(jobs) {
-            scope.spawn(worker);
+        // Where no more threads can be started, those that were do the work; this one does it where none was.
+        let wanted = rayon::current_num_threads().min(jobs);
+        let started = (0..wanted).take_while(|_| Builder::new().spawn_scoped(scope, worker).is_ok()).count();
+        if started == 0 {
+            worker();
         }
     });
     found.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().flatten().collect()

@@ -174,7 +174,34 @@ fn damaged_numbers_are_refused() {
     assert!(matches!(scale, ExportedError::Regressor { .. }), "{scale}");
     let input = set("/regressor/terms/0/standardizer/features/0/input", 48.into());
     assert!(matches!(input, ExportedError::Regressor { .. }), "{input}");
-    for (path, x) in [("/interval/factor", -1.0), ("/interval/level", 1.0), ("/regressor/identity_mos", 7.0)] {
+    // Finite, and far beyond what training gives: a sum of such numbers is none, and `max` would make a distance of 0 of it.
+    for path in [
+        "/regressor/terms/0/weight",
+        "/regressor/terms/0/function/weights/0",
+        "/regressor/terms/0/function/landmarks/0",
+        "/regressor/terms/0/function/kernel/linear",
+        "/regressor/terms/0/function/kernel/length",
+        "/regressor/terms/0/standardizer/limit",
+        "/regressor/terms/0/standardizer/power",
+        "/regressor/terms/0/standardizer/features/0/mean",
+        "/regressor/terms/0/standardizer/features/0/scale",
+        "/regressor/terms/0/standardizer/features/0/gain",
+        "/members/1/0/function/weights/0",
+    ] {
+        let error = set(path, 1.7e308.into());
+        assert!(matches!(error, ExportedError::Regressor { .. }), "{path}: {error}");
+        assert!(error.to_string().contains("is 1.7e308; it must be "), "{path}: {error}");
+    }
+    for name in ["", "a\u{1b}[2Jb", &"n".repeat(201)] {
+        let error = set("/name", name.into());
+        assert!(error.to_string().contains("the name is") && !error.to_string().contains('\u{1b}'), "{error}");
+    }
+    for (path, x) in [
+        ("/interval/factor", 1.7e308),
+        ("/interval/factor", -1.0),
+        ("/interval/level", 1.0),
+        ("/regressor/identity_mos", 7.0),
+    ] {
         let error = set(path, x.into());
         assert!(matches!(error, ExportedError::Value { .. }), "{path}: {error}");
     }

@@ -1,5 +1,7 @@
 //! The one integration binary: each room's tests are a module.
 
+#[cfg(unix)]
+mod attack;
 mod browser;
 mod cli;
 mod data;

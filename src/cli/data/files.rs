@@ -5,10 +5,12 @@ use anyhow::Result;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
+use std::time::Duration;
 use vernis::dataset::fetch::{self, Mirror, Outcome, Transfer};
 use vernis::dataset::manifest::{Manifest, NAMES, PinnedFile};
 use vernis::dataset::verify::{Checked, FileState};
 use vernis::dataset::{DatasetError, Study, synthetic};
+use vernis_metric::io::one_line;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  vernis data fetch lavoue2021-open --data ~/brdf-data\n  \
@@ -22,11 +24,15 @@ pub struct FetchArgs {
     /// Replace files whose content is not the published one, once the published one has been received.
     #[arg(long)]
     replace: bool,
+    /// Seconds that one file may take, all attempts together [default: 120, and one more per 250 kB of the file].
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=604_800))]
+    timeout: Option<u64>,
 }
 
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  vernis data verify\n  vernis data verify lavoue2021-open --data ~/brdf-data --complete"
+    after_help = "Exit code: 0 if every file that is there is as published, 2 if one is not, or if none is there.\n\n\
+                  Examples:\n  vernis data verify\n  vernis data verify lavoue2021-open --data ~/brdf-data --complete"
 )]
 pub struct VerifyArgs {
     /// The study [default: all].
@@ -70,12 +76,13 @@ pub fn fetch(shared: &Shared, args: FetchArgs) -> Result<()> {
     let bar = bytes_bar();
     let mut failures: Vec<(&PinnedFile, DatasetError)> = Vec::new();
     for file in manifest.files() {
-        bar.set_message(file.path.clone());
+        bar.set_message(one_line(&file.path).into_owned());
         let mut progress = |t: Transfer| {
             bar.set_length(t.whole.unwrap_or(t.done));
             bar.set_position(t.done);
         };
-        let outcome = fetch::fetch(file, data, mirror.as_ref(), args.replace, &mut progress);
+        let time = args.timeout.map_or_else(|| fetch::time_for(file), Duration::from_secs);
+        let outcome = fetch::fetch_within(time, file, data, mirror.as_ref(), args.replace, &mut progress);
         bar.suspend(|| print(file_line(&file.path, &fetched_text(&outcome), &file.licence)))?;
         match outcome {
             // The other files would meet the same.
@@ -125,25 +132,46 @@ fn summary(failures: Vec<DatasetError>) -> Option<String> {
 
 pub fn verify(shared: &Shared, args: VerifyArgs) -> Result<()> {
     let names = args.study.as_deref().map_or(NAMES.to_vec(), |study| vec![study]);
-    let mut failures = Vec::new();
-    for name in names {
+    let (mut failures, mut here, mut looked_for) = (Vec::new(), 0, false);
+    for name in &names {
         match manifest(name)? {
             None => print(format!("{name}: part of vernis, nothing to verify\n"))?,
-            Some(manifest) => failures.extend(verify_study(&manifest, data_folder(shared)?, args.complete)?),
+            Some(manifest) => {
+                let data = data_folder(shared)?;
+                if !data.is_dir() {
+                    return Err(user_error(format!(
+                        "{}: no such folder; --data names the data folder",
+                        data.display()
+                    )));
+                }
+                let verified = verify_study(&manifest, data, args.complete)?;
+                failures.extend(verified.failures);
+                (here, looked_for) = (here + verified.here, true);
+            }
         }
+    }
+    if looked_for && here == 0 && failures.is_empty() {
+        let data = data_folder(shared)?.display();
+        return Err(user_error(format!("{data}: no file of {} is there; nothing was verified", names.join(" or "))));
     }
     summary(failures).map_or(Ok(()), |message| Err(user_error(message)))
 }
 
-fn verify_study(manifest: &Manifest, data: &Path, complete: bool) -> Result<Vec<DatasetError>> {
+struct Verified {
+    failures: Vec<DatasetError>,
+    /// How many of the study's files are there, right or wrong.
+    here: usize,
+}
+
+fn verify_study(manifest: &Manifest, data: &Path, complete: bool) -> Result<Verified> {
     let files = manifest.files();
     let size = |file: &&PinnedFile| data.join(&file.path).metadata().map_or(0, |m| m.len());
     let bar = bytes_bar();
     bar.set_length(files.iter().map(size).sum());
     print(format!("{} in {}\n", manifest.name(), data.display()))?;
-    let mut failures = Vec::new();
+    let (mut failures, mut here) = (Vec::new(), 0);
     for file in &files {
-        bar.set_message(file.path.clone());
+        bar.set_message(one_line(&file.path).into_owned());
         let checked = Checked::of(file, data, &mut |bytes| bar.inc(bytes));
         let state = match &checked.state {
             FileState::Missing => "missing",
@@ -154,6 +182,7 @@ fn verify_study(manifest: &Manifest, data: &Path, complete: bool) -> Result<Vec<
         };
         bar.suspend(|| print(format!("  {:45} {state}\n", file.path)))?;
         failures.extend(checked.problem(file, data));
+        here += usize::from(checked.state != FileState::Missing);
         if complete && checked.state == FileState::Missing {
             failures.push(DatasetError::MissingFile {
                 study: manifest.name().into(),
@@ -164,5 +193,5 @@ fn verify_study(manifest: &Manifest, data: &Path, complete: bool) -> Result<Vec<
     }
     bar.finish_and_clear();
     print(rest_text(manifest))?;
-    Ok(failures)
+    Ok(Verified { failures, here })
 }

@@ -28,7 +28,7 @@ impl Mirror {
     /// # Errors
     /// Another scheme, or a `file://` address that is no absolute path of this machine.
     pub fn parse(text: &str) -> Result<Self, DatasetError> {
-        let error = |reason: &str| DatasetError::Fetch { address: text.into(), reason: reason.into() };
+        let error = |reason: &str| DatasetError::Fetch { address: without_password(text), reason: reason.into() };
         let Some((scheme, rest)) = text.split_once("://") else {
             return Ok(Self::Folder(text.into()));
         };
@@ -60,8 +60,9 @@ pub enum Address {
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::File(path) => write!(f, "{}", path.display()),
-            Self::Http(url) => f.write_str(url),
+            // What was meant as an address may have been taken for a path.
+            Self::File(path) => f.write_str(&without_password(&path.display().to_string())),
+            Self::Http(url) => f.write_str(&without_password(url)),
         }
     }
 }
@@ -90,6 +91,22 @@ fn raw_file(file: &PinnedFile) -> Option<String> {
     let (owner, name) = repository.split_once('/')?;
     let sound = !owner.is_empty() && !name.is_empty() && !name.contains('/');
     sound.then(|| format!("{GITHUB_RAW}{owner}/{name}/{}/{}", file.revision, encoded(&file.source_path)))
+}
+
+/// An address as it may be shown: without the user and the password before its host (RFC 3986, section 3.2.1).
+pub(super) fn without_password(address: &str) -> String {
+    // With one slash or none it is no address, and still holds a password.
+    let Some((scheme, rest)) = address.split_once(":/") else { return address.to_owned() };
+    if scheme.is_empty() || !scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c)) {
+        return address.to_owned();
+    }
+    let slashes = rest.len() - rest.trim_start_matches('/').len();
+    let authority = &rest[slashes..];
+    let end = authority.find(['/', '?', '#']).unwrap_or(authority.len());
+    match authority[..end].rfind('@') {
+        Some(at) => format!("{scheme}:/{}{}", &rest[..slashes], &authority[at + 1..]),
+        None => address.to_owned(),
+    }
 }
 
 /// A path as it is written in an address: RFC 3986, section 2.
@@ -160,6 +177,28 @@ mod tests {
                 assert!(inside.into_iter().all(|c| matches!(c, std::path::Component::Normal(_))), "{}", file.path);
             }
         }
+    }
+
+    #[test]
+    fn passwords_are_not_shown() {
+        for (address, shown) in [
+            ("https://user:pass@example.org/a@b", "https://example.org/a@b"),
+            ("http://user:p@ss@127.0.0.1:80/x", "http://127.0.0.1:80/x"),
+            ("ftp://user:pass@h", "ftp://h"),
+            ("http:/user:pass@h/x", "http:/h/x"),
+            ("https://example.org/a?b=c@d", "https://example.org/a?b=c@d"),
+            ("/srv/data@home", "/srv/data@home"),
+            ("a b:/c@d", "a b:/c@d"),
+        ] {
+            assert_eq!(without_password(address), shown);
+        }
+        let zip = file("nbrdf/merl_nbrdf.zip");
+        let mirror = Mirror::parse("https://user:pass@example.org/a").unwrap();
+        let address = Address::of(&zip, Some(&mirror)).unwrap();
+        assert_eq!(address.to_string(), "https://example.org/a/nbrdf/merl_nbrdf.zip");
+        assert!(matches!(address, Address::Http(url) if url.contains("user:pass@")), "the server is given it");
+        let message = Mirror::parse("ftp://user:pass@example.org/a").unwrap_err().to_string();
+        assert!(message.starts_with("ftp://example.org/a") && !message.contains("pass"), "{message}");
     }
 
     #[test]

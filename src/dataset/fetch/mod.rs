@@ -4,6 +4,8 @@
 //! then renamed: under the final name there is nothing but the published content, whenever the program ends. A `.part`
 //! that an earlier run left is continued where the server can do that.
 //!
+//! A file takes no longer than [`time_for`] says, all attempts together, however slowly a server answers.
+//!
 //! Memory: one piece of 64 KiB, whatever the file. Disk: never more than the pinned size of a file.
 
 mod address;
@@ -17,10 +19,10 @@ use super::DatasetError;
 use super::manifest::PinnedFile;
 use super::verify::{Checked, FileState, Measured};
 use part::Part;
-use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use vernis_metric::io::open_regular;
 
 /// How often a file that ends too early is asked for again.
 const ATTEMPTS: u32 = 3;
@@ -29,6 +31,10 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// Largest file of which no size is pinned. All of them are tables of text.
 const MOST_BYTES: u64 = 64 << 20;
 const PIECE: usize = 1 << 16;
+/// What [`time_for`] gives any file.
+const LEAST_TIME: Duration = Duration::from_secs(120);
+/// The slowest connection for which [`time_for`] suffices: bytes a second.
+const SLOWEST: u64 = 250_000;
 
 /// What became of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +67,11 @@ struct Stream {
     bytes: Box<dyn Read>,
 }
 
+/// The time that a file may take: two minutes, and one second more for every 250 kB of its pinned size.
+pub fn time_for(file: &PinnedFile) -> Duration {
+    LEAST_TIME + Duration::from_secs(file.bytes.unwrap_or(0) / SLOWEST)
+}
+
 /// Brings `file` into the folder `data`, from the mirror if there is one, else from where the manifest says.
 ///
 /// A file that is there with another content is left and is an error, unless `replace`: then, and only after the new
@@ -70,6 +81,21 @@ struct Stream {
 /// [`DatasetError::Content`] when the content is not the published one, [`DatasetError::Fetch`] when it cannot be had,
 /// [`DatasetError::Write`] when it cannot be stored. What was in the folder before stays.
 pub fn fetch(
+    file: &PinnedFile,
+    data: &Path,
+    mirror: Option<&Mirror>,
+    replace: bool,
+    progress: &mut dyn FnMut(Transfer),
+) -> Result<Outcome, DatasetError> {
+    fetch_within(time_for(file), file, data, mirror, replace, progress)
+}
+
+/// [`fetch`] in another time than that of [`time_for`].
+///
+/// # Errors
+/// Those of [`fetch`].
+pub fn fetch_within(
+    time: Duration,
     file: &PinnedFile,
     data: &Path,
     mirror: Option<&Mirror>,
@@ -88,7 +114,8 @@ pub fn fetch(
     let address = Address::of(file, mirror)?;
     let target = data.join(&file.path);
     let mut part = Part::open(&target)?;
-    let received = receive(file, &address, &mut part, progress).and_then(|bytes| {
+    let limit = Limit { end: Instant::now() + time, time };
+    let received = receive(file, &address, limit, &mut part, progress).and_then(|bytes| {
         part.rename(&target)?;
         Ok(Outcome::Fetched { bytes })
     });
@@ -98,10 +125,27 @@ pub fn fetch(
     received
 }
 
+/// When a file must be here.
+#[derive(Clone, Copy)]
+struct Limit {
+    end: Instant,
+    /// For messages.
+    time: Duration,
+}
+
+impl Limit {
+    /// The time that is left, unless it is over.
+    fn left(self) -> Result<Duration, String> {
+        let left = self.end.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(format!("the {} s for one file are over", self.time.as_secs())) } else { Ok(left) }
+    }
+}
+
 /// Fills `part` with the published content; how many bytes were received for that.
 fn receive(
     file: &PinnedFile,
     address: &Address,
+    limit: Limit,
     part: &mut Part,
     progress: &mut dyn FnMut(Transfer),
 ) -> Result<u64, DatasetError> {
@@ -111,12 +155,12 @@ fn receive(
     }
     let resumed = part.len()? > 0;
     let complete = resumed && Some(part.len()?) == file.bytes;
-    let mut received = if complete { 0 } else { transfer(file, address, part, progress)? };
+    let mut received = if complete { 0 } else { transfer(file, address, limit, part, progress)? };
     let mut found = measure(part)?;
     if resumed && !found.is_published(file) {
         // What the earlier run left may be of something else.
         part.cut(0)?;
-        received += transfer(file, address, part, progress)?;
+        received += transfer(file, address, limit, part, progress)?;
         found = measure(part)?;
     }
     if found.is_published(file) {
@@ -142,6 +186,7 @@ enum End {
 fn transfer(
     file: &PinnedFile,
     address: &Address,
+    limit: Limit,
     part: &mut Part,
     progress: &mut dyn FnMut(Transfer),
 ) -> Result<u64, DatasetError> {
@@ -149,10 +194,13 @@ fn transfer(
     let mut attempt = 0;
     loop {
         attempt += 1;
-        match once(file, address, part, &mut received, progress)? {
+        let end = once(file, address, limit, part, &mut received, progress)?;
+        let late = limit.left().err();
+        match end {
             End::Whole => return Ok(received),
-            End::Early(_) if attempt < ATTEMPTS => std::thread::sleep(PAUSE * 2u32.pow(attempt - 1)),
+            End::Early(_) if attempt < ATTEMPTS && late.is_none() => std::thread::sleep(PAUSE * 2u32.pow(attempt - 1)),
             End::Early(reason) => {
+                let reason = late.unwrap_or(reason);
                 let done = part.len()?;
                 let whole = file.bytes.map_or_else(String::new, |b| format!(" of {b}"));
                 let reason = format!("ended after {done}{whole} bytes ({reason}); the same command goes on from there");
@@ -166,11 +214,19 @@ fn transfer(
 fn once(
     file: &PinnedFile,
     address: &Address,
+    limit: Limit,
     part: &mut Part,
     received: &mut u64,
     progress: &mut dyn FnMut(Transfer),
 ) -> Result<End, DatasetError> {
-    let mut stream = open(address, part.len()?)?;
+    let left = match limit.left() {
+        Ok(left) => left,
+        Err(late) => return Ok(End::Early(late)),
+    };
+    let mut stream = match open(address, part.len()?, left) {
+        Err(_) if limit.left().is_err() => return Ok(End::Early("no answer".into())),
+        opened => opened?,
+    };
     let whole = file.bytes.or(stream.whole);
     let most = file.bytes.unwrap_or(MOST_BYTES);
     let too_much = |found: String| DatasetError::Content {
@@ -202,16 +258,20 @@ fn once(
             return Err(too_much(format!("has more than {most} bytes")));
         }
         part.append(&piece[..n])?;
+        if let Err(late) = limit.left() {
+            let whole = whole.is_some_and(|whole| done == whole);
+            return Ok(if whole { End::Whole } else { End::Early(late) });
+        }
     }
 }
 
 /// The content at `address` from byte `from` on, or from an earlier one.
-fn open(address: &Address, from: u64) -> Result<Stream, DatasetError> {
+fn open(address: &Address, from: u64, left: Duration) -> Result<Stream, DatasetError> {
     let error = |reason: String| DatasetError::Fetch { address: address.to_string(), reason };
     let stream = match address {
         Address::File(path) => open_file(path, from).map_err(|e| error(e.to_string()))?,
         #[cfg(feature = "fetch")]
-        Address::Http(url) => http::open(url, from).map_err(error)?,
+        Address::Http(url) => http::open(url, from, left).map_err(error)?,
         #[cfg(not(feature = "fetch"))]
         Address::Http(_) => {
             let reason = "this vernis was built without the feature `fetch`; the mirror must be a folder";
@@ -225,13 +285,9 @@ fn open(address: &Address, from: u64) -> Result<Stream, DatasetError> {
 }
 
 fn open_file(path: &Path, from: u64) -> io::Result<Stream> {
-    let whole = std::fs::metadata(path)?;
-    if !whole.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
-    }
-    let whole = whole.len();
+    let mut file = open_regular(path)?;
+    let whole = file.metadata()?.len();
     let start = if from <= whole { from } else { 0 };
-    let mut file = File::open(path)?;
     file.seek(SeekFrom::Start(start))?;
     Ok(Stream { start, whole: Some(whole), bytes: Box::new(file) })
 }

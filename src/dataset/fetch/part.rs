@@ -5,6 +5,40 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// Opens or makes the file. A link is not followed: whoever may write into the folder could have put one there, and what it leads
+/// to would be cut off and written over.
+fn open_without_links(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true);
+    match options.clone().create_new(true).open(path) {
+        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+        made => return made,
+    }
+    if !std::fs::symlink_metadata(path)?.is_file() {
+        return Err(in_the_way());
+    }
+    let file = options.open(path)?;
+    // A link may have taken its place before it was opened: nothing is written yet.
+    if is_itself(&file, path)? { Ok(file) } else { Err(in_the_way()) }
+}
+
+fn in_the_way() -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file; it is in the way, remove it")
+}
+
+/// Whether `path` is `file`, and no link to it.
+#[cfg(unix)]
+fn is_itself(file: &File, path: &Path) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt;
+    let (opened, there) = (file.metadata()?, std::fs::symlink_metadata(path)?);
+    Ok((opened.dev(), opened.ino()) == (there.dev(), there.ino()))
+}
+
+#[cfg(not(unix))]
+fn is_itself(_file: &File, path: &Path) -> io::Result<bool> {
+    Ok(std::fs::symlink_metadata(path)?.is_file())
+}
+
 /// `<file>.part` beside the place of `<file>`, held by one process at a time.
 pub(super) struct Part {
     path: PathBuf,
@@ -18,7 +52,7 @@ impl Part {
         let path = target.with_file_name(format!("{name}.part"));
         let open = || -> io::Result<File> {
             std::fs::create_dir_all(target.parent().unwrap_or(Path::new("")))?;
-            let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let file = open_without_links(&path)?;
             match file.try_lock() {
                 Err(TryLockError::WouldBlock) => {
                     Err(io::Error::new(io::ErrorKind::WouldBlock, "another process is receiving it"))

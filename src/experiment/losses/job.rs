@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use vernis_metric::descriptor::{Cache, DescriptorOptions, Lights, Setup, ShapeChoice};
-use vernis_metric::io::{Observer, Progress, write_atomically};
+use vernis_metric::io::{FolderLock, Observer, Progress, write_atomically};
 use vernis_metric::metric::graph::GraphGrid;
 
 /// The study's light probes.
@@ -77,7 +77,7 @@ pub struct Found {
 ///
 /// # Errors
 /// A study that is too small for the folds, probes that are missing, BRDFs that cannot be read, a fit or a training that fails,
-/// files that cannot be written.
+/// files that cannot be written, a folder into which another process writes.
 pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) -> Result<Found, ExperimentError> {
     study.validate(options.folds)?;
     let (settings, probes) = (options.settings(), probes(options.data.as_deref())?);
@@ -85,6 +85,8 @@ pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) ->
     for folder in [&fits, &metrics] {
         fs::create_dir_all(folder).map_err(|e| unwritable(folder, &e))?;
     }
+    // A report of what is there disturbs nobody.
+    let _lock = options.compute.then(|| FolderLock::acquire(&options.folder)).transpose()?;
     let keep = |folder: &Path, name: &str, text: &str| {
         let path = folder.join(name);
         write_atomically(&path, text.as_bytes()).map_err(|e| unwritable(&path, &e))

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Setup};
 use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting};
-use vernis_metric::io::{Progress, seal, unseal};
+use vernis_metric::io::{Progress, read_at_most, seal, unseal};
 use vernis_metric::math::seed;
 use vernis_metric::metric::lp::{self, LpDistances, LpReference};
 use vernis_metric::metric::registry::Registry;
@@ -24,6 +24,8 @@ use vernis_metric::metric::{Metric, MetricError, PreparedMetric, Side};
 
 /// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
 const VERSION: u32 = 3;
+/// Far more than a fit takes.
+const MOST_BYTES: u64 = 64 << 20;
 /// Lp distances that judge.
 const LP: [&str; 4] = ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl"];
 /// What is taken of the pictures under a probe: the ending of the judge's name, and the descriptor.
@@ -224,7 +226,7 @@ impl Job<'_> {
 
     fn kept_fit(&self, model: &str, loss: Loss) -> Result<Option<FitRecord>, ExperimentError> {
         let path = self.experiment.folder.join(self.file(model, loss));
-        let Ok(bytes) = std::fs::read(&path) else { return Ok(None) };
+        let Ok(bytes) = read_at_most(&path, MOST_BYTES) else { return Ok(None) };
         let again = |reason: &dyn std::fmt::Display| {
             (self.experiment.warn)(&format!("{}: {reason}; the fit is made again", path.display()));
             Ok(None)

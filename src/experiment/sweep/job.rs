@@ -9,8 +9,11 @@ use crate::experiment::ExperimentError;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use vernis_metric::io::{Observer, Progress, seal, unseal, write_atomically};
+use vernis_metric::io::{FolderLock, Observer, Progress, read_at_most, seal, unseal, write_atomically};
 use vernis_metric::metric::graph::GraphGrid;
+
+/// Hundreds of times what a combination takes.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// What is swept, and how.
 #[derive(Debug, Clone)]
@@ -47,7 +50,8 @@ pub struct Swept {
 /// Computes the combinations that are not kept yet, and judges all.
 ///
 /// # Errors
-/// Files that are the results of another study ([`ExperimentError::Kept`]); BRDFs that cannot be read or compared, files that cannot be written, ratings that cannot be judged;
+/// Files that are the results of another study ([`ExperimentError::Kept`]); BRDFs that cannot be read or compared, files that cannot be
+/// written, a folder into which another process writes, ratings that cannot be judged;
 /// [`ExperimentError::NothingKept`] where nothing is kept and nothing shall be computed.
 pub fn sweep(study: &Study, options: &SweepOptions, progress: Observer<'_>) -> Result<Swept, ExperimentError> {
     study.validate(options.protocol.folds)?;
@@ -80,7 +84,7 @@ impl Job<'_> {
     /// What an earlier run has left of a combination.
     fn kept(&self, combination: &Combination, warnings: &mut Vec<String>) -> Result<Option<Outcome>, ExperimentError> {
         let path = self.path(combination, "json");
-        let Ok(bytes) = fs::read(&path) else { return Ok(None) };
+        let Ok(bytes) = read_at_most(&path, MOST_BYTES) else { return Ok(None) };
         let mut again = |reason: String| {
             warnings.push(format!("{}: {reason}; the combination is computed again", path.display()));
             Ok(None)
@@ -128,6 +132,8 @@ impl Job<'_> {
     ) -> Result<Vec<(Combination, Outcome)>, ExperimentError> {
         let SweepOptions { data, folder, grid, memory, .. } = self.options;
         fs::create_dir_all(folder).map_err(|e| unwritable(folder, &e))?;
+        // Two sweeps would write one journal.
+        let _lock = FolderLock::acquire(folder)?;
         let told = |done, total| (self.progress)("tables", Progress { done, total });
         let tables = StudyTables::of(self.study, *grid, data.as_deref(), *memory, &told)?;
         let weight = |group: &[Combination]| group.iter().map(Combination::weight).sum::<usize>();

@@ -9,7 +9,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use vernis_metric::io::{seal, unseal, write_atomically};
+use vernis_metric::io::{read_at_most, seal, unseal, write_atomically};
+
+/// Hundreds of times what a journal takes.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// The first line.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -45,7 +48,7 @@ impl Journal {
     pub fn open(path: PathBuf, group: &[Combination], setting: &Setting) -> Result<Self, ExperimentError> {
         let named = |combination: &Combination| (combination.to_string(), combination.version().to_owned());
         let header = Header { setting: setting.clone(), metrics: group.iter().map(named).collect() };
-        let bytes = fs::read(&path).unwrap_or_default();
+        let bytes = read_at_most(&path, MOST_BYTES).unwrap_or_default();
         let (known, warnings) = read(&bytes, &header, &path)?;
         let mut whole = line(&header)?;
         for (&pair, found) in &known {

@@ -3,6 +3,7 @@
 use super::{SYNTHETIC, figures_html};
 use crate::evaluation::records::BenchmarkRecord;
 use crate::report::Figure;
+use crate::report::markdown::{code, text};
 use crate::report::tables::{self, Table};
 use maud::{Markup, html};
 use std::fmt::Write;
@@ -56,12 +57,12 @@ pub fn body(record: &BenchmarkRecord, figures: &[Figure]) -> Markup {
 
 /// The same in Markdown; figures are the PNG files beside it.
 pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
-    let mut page = format!("# {}\n\n", title(record));
+    let mut page = format!("# {}\n\n", text(&title(record)));
     if record.synthetic {
         push(&mut page, format_args!("**{SYNTHETIC}**\n\n"));
     }
     for (name, value) in provenance(record) {
-        push(&mut page, format_args!("* {name}: `{value}`\n"));
+        push(&mut page, format_args!("* {}: {}\n", text(&name), code(&value)));
     }
     push(&mut page, format_args!("\n{}\n", tables::headline(record).to_markdown()));
     if let Some(defeat) = tables::defeat(record) {
@@ -69,7 +70,8 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     }
     push(&mut page, format_args!("{HOW_TO_READ}\n"));
     for figure in figures {
-        push(&mut page, format_args!("\n![{}]({}.png)\n\n{}\n", figure.name, figure.name, figure.caption));
+        let caption = text(&figure.caption);
+        push(&mut page, format_args!("\n![{}]({}.png)\n\n{caption}\n", figure.name, figure.name));
     }
     for (heading, table) in sections(record) {
         push(&mut page, format_args!("\n## {heading}\n\n{}", table.to_markdown()));
@@ -78,12 +80,12 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
         push(&mut page, format_args!("\n## Intervals of the scores\n\n{words}\n"));
     }
     if !record.did_not_help.is_empty() {
-        let items: String = record.did_not_help.iter().map(|line| format!("* {line}\n")).collect();
+        let items: String = record.did_not_help.iter().map(|line| format!("* {}\n", text(line))).collect();
         push(&mut page, format_args!("\n## What did not help\n\n{items}"));
     }
     page.push_str("\n## Notes on the metrics\n\n");
     for metric in record.metrics.iter().filter(|m| !m.note.is_empty()) {
-        push(&mut page, format_args!("* {}: {}\n", metric.name, metric.note));
+        push(&mut page, format_args!("* {}: {}\n", text(&metric.name), text(&metric.note)));
     }
     page
 }

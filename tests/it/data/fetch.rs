@@ -10,6 +10,8 @@ use std::process::Command;
 use tempfile::TempDir;
 use vernis::brdf::ContentHash;
 use vernis::dataset::DatasetError;
+#[cfg(feature = "fetch")]
+use vernis::dataset::fetch::fetch_within;
 use vernis::dataset::fetch::{Mirror, Outcome, fetch};
 use vernis::dataset::manifest::{Manifest, PinnedFile};
 
@@ -112,6 +114,24 @@ fn what_is_no_beginning_of_the_file_is_received_anew() {
         assert_eq!(place.fetch(folder).expect("there"), Outcome::Fetched { bytes: received });
         assert!(place.is_right());
     }
+}
+
+/// Somebody who may write into the folder has put a link where the file grows: what it leads to is not touched.
+#[cfg(unix)]
+#[test]
+fn a_link_in_the_place_of_the_part_is_not_followed() {
+    let (mirror, place) = (mirror(&content()), Place::new());
+    let victim = place.0.path().join("victim");
+    place.put(&victim, b"mine");
+    for target in [victim.clone(), place.0.path().join("not there")] {
+        fs::create_dir_all(place.part().parent().expect("a folder")).expect("writable");
+        std::os::unix::fs::symlink(&target, place.part()).expect("writable");
+        let message = place.fetch(text(mirror.0.path())).expect_err("a link").to_string();
+        assert!(message.contains(".part: cannot be written: it is no regular file"), "{message}");
+        fs::remove_file(place.part()).expect("still a link");
+    }
+    assert_eq!(fs::read(&victim).expect("still here"), b"mine");
+    assert!(!place.0.path().join("not there").exists());
 }
 
 #[test]
@@ -222,6 +242,32 @@ mod over_http {
     }
 
     #[test]
+    fn a_server_that_stalls_or_trickles_ends_after_the_stated_time() {
+        for manner in [Manner::Stalls, Manner::Trickles, Manner::SaysNothing] {
+            let (server, place) = (Server::start(&content(), manner), Place::new());
+            let mirror = Mirror::parse(&server.url).expect("an address");
+            let begun = std::time::Instant::now();
+            let time = std::time::Duration::from_secs(2);
+            let message = fetch_within(time, &pinned(), place.0.path(), Some(&mirror), false, &mut |_| ())
+                .expect_err("never all of it")
+                .to_string();
+            assert!(begun.elapsed().as_secs() < 20, "{message}");
+            assert!(message.contains("(the 2 s for one file are over)"), "{message}");
+            assert!(!place.target().exists());
+        }
+    }
+
+    #[test]
+    fn passwords_are_given_to_the_server_alone() {
+        let server = Server::start(b"", Manner::Status(404));
+        let address = server.url.replace("http://", "http://somebody:secret@");
+        for address in [address, "http://somebody:secret@127.0.0.1:1".to_owned()] {
+            let message = Place::new().fetch(&address).expect_err("refused").to_string();
+            assert!(message.contains("127.0.0.1") && !message.contains("secret"), "{message}");
+        }
+    }
+
+    #[test]
     fn wrong_bytes_and_refusals_are_told() {
         let mut wrong = content();
         wrong[299_999] ^= 128;
@@ -274,9 +320,16 @@ fn the_program_reports_every_file_and_keeps_what_is_there() {
 fn verify_names_the_file_with_what_was_found_and_what_is_allowed() {
     let place = Place::new();
     let data = text(place.0.path());
+    // Where nothing is there, nothing is verified: that is no success.
     let output = vernis_data(&["verify", "lavoue2021-open", "--data", data]);
-    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(error(&output).contains("no file of lavoue2021-open is there; nothing was verified"), "{}", error(&output));
     assert_eq!(out(&output).matches(" missing\n").count(), 9);
+    for folder in ["/no/such/folder", text(&place.0.path().join("nothing"))] {
+        let output = vernis_data(&["verify", "--data", folder]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(error(&output).contains(&format!("{folder}: no such folder")), "{}", error(&output));
+    }
     let output = vernis_data(&["verify", "lavoue2021-open", "--data", data, "--complete"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(error(&output).contains("npf.bin is missing; get it from https://github.com/jdupuy/opengl-framework"));

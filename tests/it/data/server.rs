@@ -20,6 +20,12 @@ pub enum Manner {
     WithoutLength,
     /// First another address, then well.
     Redirects,
+    /// Sends half of the content, and then nothing, and stays.
+    Stalls,
+    /// Sends a byte now and then.
+    Trickles,
+    /// Takes the request, and stays.
+    SaysNothing,
 }
 
 pub struct Server {
@@ -98,7 +104,27 @@ fn answer(mut connection: TcpStream, content: &[u8], manner: Manner, seen: &Mute
             (format!("{status}\r\n{place}Content-Length: {}", body.len()), body)
         }
     };
+    let stay = || std::thread::sleep(std::time::Duration::from_secs(4));
+    if manner == Manner::SaysNothing {
+        stay();
+        return Ok(());
+    }
     let body = if let Manner::CutsAfter(n) = manner { &body[..n.min(body.len())] } else { body };
     write!(connection, "HTTP/1.1 {head}\r\nConnection: close\r\n\r\n")?;
+    match manner {
+        Manner::Stalls => {
+            connection.write_all(&body[..body.len() / 2])?;
+            stay();
+            return Ok(());
+        }
+        Manner::Trickles => {
+            for byte in body.iter().take(100) {
+                connection.write_all(&[*byte])?;
+                std::thread::sleep(std::time::Duration::from_millis(50));
+            }
+            return Ok(());
+        }
+        _ => {}
+    }
     connection.write_all(body)
 }

@@ -396,7 +396,8 @@ fn find(path: &str, base: Option<&Path>) -> Result<PathBuf, BrdfError> {
         tried.push(base.join(path));
         tried.extend(SUBFOLDERS.iter().map(|folder| base.join(folder).join(path)));
     }
-    match tried.iter().find(|p| p.is_file()) {
+    // What is there and no regular file is found last, and refused by name when it is opened.
+    match tried.iter().find(|p| p.is_file()).or_else(|| tried.iter().find(|p| p.exists())) {
         Some(found) => Ok(found.clone()),
         None => Err(BrdfError::NotFound { path: path.to_owned(), tried }),
     }

@@ -10,7 +10,7 @@ use super::features::{BrdfFeatures, Stored};
 use super::setup::Operators;
 use super::{DescriptorError, Setup};
 use crate::brdf::{ContentHash, IdentifiedBrdf};
-use crate::io::{NewFile, write_atomically};
+use crate::io::{NewFile, read_at_most, write_atomically};
 use crate::light::node_table::{NODES, NodeTable};
 use crate::light::operator::Operator;
 use sha2::{Digest, Sha256};
@@ -22,6 +22,10 @@ const MAGIC: &[u8; 8] = b"VERNISC1";
 const HASH: usize = 32;
 /// Endings of files that are being written: by this version, and by the first.
 const TEMPORARY: [&str; 2] = [NewFile::SUFFIX, ".tmp"];
+/// Hundreds of times what features or distances take.
+const MOST_BYTES: u64 = 256 << 20;
+/// Several times what the operators of any setup take.
+const MOST_OPERATOR_BYTES: u64 = 2 << 30;
 /// Nobody writes half a megabyte for longer than this.
 const LONGEST_WRITE: Duration = Duration::from_secs(3600);
 
@@ -71,7 +75,7 @@ impl Cache {
 
     /// The features kept for a content hash, if they are there and whole.
     pub fn load(&self, content: ContentHash, setup: &Setup) -> Option<BrdfFeatures> {
-        let bytes = std::fs::read(self.path(content, setup)).ok()?;
+        let bytes = read_at_most(&self.path(content, setup), MOST_BYTES).ok()?;
         let stored = decode_features(payload(&bytes, &key(content, setup))?, setup)?;
         Some(BrdfFeatures::from_stored(stored, setup))
     }
@@ -104,7 +108,7 @@ impl Cache {
         let path = self.folder.join(format!("{}.operators", setup.id()));
         let key = format!("operators {}", setup.id());
         let read = || -> Option<Operators> {
-            let bytes = std::fs::read(&path).ok()?;
+            let bytes = read_at_most(&path, MOST_OPERATOR_BYTES).ok()?;
             let mut reader = Reader(payload(&bytes, &key)?);
             let pictures = decode_operator(&mut reader, setup.lights(), setup.pixels())?;
             let albedo = decode_operator(&mut reader, 1, 2)?;
@@ -126,9 +130,11 @@ impl Cache {
 
     /// Numbers kept under a key, which names what they are, of what, and in which version.
     pub fn load_values(&self, key: &str) -> Option<Vec<f64>> {
-        let bytes = std::fs::read(self.values_path(key)).ok()?;
+        let bytes = read_at_most(&self.values_path(key), MOST_BYTES).ok()?;
         let (numbers, rest) = payload(&bytes, key)?.as_chunks::<8>();
-        rest.is_empty().then(|| numbers.iter().map(|b| f64::from_le_bytes(*b)).collect())
+        let numbers: Vec<f64> = numbers.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        // What is kept was finite.
+        (rest.is_empty() && numbers.iter().all(|x| x.is_finite())).then_some(numbers)
     }
 
     /// Keeps numbers under a key.

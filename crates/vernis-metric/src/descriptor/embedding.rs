@@ -17,6 +17,11 @@ use serde::{Deserialize, Serialize};
 
 const FLOOR: f64 = 1e-3;
 
+/// Largest magnitude of a number of an embedding.
+const LARGEST: f64 = 1e6;
+/// Most layers of an encoder.
+const MOST_LAYERS: usize = 8;
+
 /// Length of a log-mapped table.
 pub const INPUTS: usize = 3 * NODES;
 
@@ -67,7 +72,7 @@ pub struct EmbeddingParts {
 pub struct Embedding(EmbeddingParts);
 
 impl Embedding {
-    /// Errors: sizes that do not chain, numbers that are not finite.
+    /// Errors: sizes that do not chain, numbers that are not finite or larger than any training gives.
     pub fn new(parts: EmbeddingParts) -> Result<Self, DescriptorError> {
         let wrong = |LayerMismatch { what, found, expected }| DescriptorError::Embedding {
             name: parts.name.clone(),
@@ -89,6 +94,11 @@ impl Embedding {
         let stored = parts.mean.iter().chain(parts.components.iter().flatten()).filter(|v| !v.is_finite()).count();
         let numbers = parts.layers.iter().flat_map(Dense::numbers).chain([parts.slope]);
         size("values that are not finite".into(), stored + numbers.filter(|v| !v.is_finite()).count(), 0)?;
+        // No sum of such numbers leaves the range of f64: coordinates are finite.
+        let stored = parts.mean.iter().chain(parts.components.iter().flatten()).filter(|v| v.abs() > LARGEST as f32);
+        let numbers = parts.layers.iter().flat_map(Dense::numbers).chain([parts.slope]).filter(|v| v.abs() > LARGEST);
+        size(format!("values beyond {LARGEST} in magnitude"), stored.count() + numbers.count(), 0)?;
+        size("layers too many".into(), parts.layers.len().saturating_sub(MOST_LAYERS), 0)?;
         Ok(Self(parts))
     }
 

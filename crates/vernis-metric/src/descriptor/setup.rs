@@ -3,10 +3,11 @@
 use super::DescriptorError;
 use super::picture::Frame;
 use super::setup_id::{DIGITS, SetupId};
+use crate::io::read_at_most;
 use crate::light::LightError;
 use crate::light::operator::Operator;
-use crate::light::shape::Shape;
-use crate::light::source::Light;
+use crate::light::shape::{self, Shape};
+use crate::light::source::{self, Light};
 use crate::math::Vec3;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -69,8 +70,8 @@ pub(super) struct Operators {
     pub albedo: Operator,
 }
 
-fn file_id(path: &PathBuf, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
-    let bytes = std::fs::read(path).map_err(|e| error(e.to_string()))?;
+fn file_id(path: &PathBuf, most: u64, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
+    let bytes = read_at_most(path, most).map_err(|e| error(e.to_string()))?;
     let hash = crate::brdf::ContentHash::of(&bytes).to_string();
     Ok(hash[..DIGITS].to_owned())
 }
@@ -94,14 +95,14 @@ impl Setup {
         let (probe_hash, probe) = match &options.lights {
             Lights::Lamps => (None, None),
             Lights::Probe(path) => {
-                let id = file_id(path, |reason| LightError::Probe { path: path.clone(), reason })?;
+                let id = file_id(path, source::MOST_BYTES, |reason| LightError::Probe { path: path.clone(), reason })?;
                 (Some(id), Some(Light::probe(path)?))
             }
         };
         let (mesh, shape) = match &options.shape {
             ShapeChoice::Sphere => (None, Shape::sphere()),
             ShapeChoice::Mesh(path) => {
-                let id = file_id(path, |reason| LightError::Mesh { path: path.clone(), reason })?;
+                let id = file_id(path, shape::MOST_BYTES, |reason| LightError::Mesh { path: path.clone(), reason })?;
                 (Some(id), Shape::mesh(path)?)
             }
         };

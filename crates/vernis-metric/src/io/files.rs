@@ -1,25 +1,81 @@
 //! Files: never more read than a format has a use for, never half a file left behind.
 
-use std::fs::File;
+use std::fs::{File, FileType};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// The bytes of a file of at most `most` bytes.
+/// Opens a regular file to be read. Folders, devices, FIFOs and sockets are refused before they are opened: reading one may
+/// never end, or wait for ever.
+///
+/// # Errors
+/// What the operating system says, or what it is instead of a regular file.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    only_regular(std::fs::metadata(path)?.file_type())?;
+    let file = File::open(path)?;
+    // Somebody may have put another one in its place meanwhile.
+    only_regular(file.metadata()?.file_type())?;
+    Ok(file)
+}
+
+fn only_regular(found: FileType) -> io::Result<()> {
+    if found.is_file() {
+        return Ok(());
+    }
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is a {}; it must be a regular file", name_of(found))))
+}
+
+#[cfg(unix)]
+fn name_of(found: FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    match () {
+        () if found.is_dir() => "folder",
+        () if found.is_fifo() => "FIFO",
+        () if found.is_socket() => "socket",
+        () if found.is_symlink() => "link",
+        () => "device",
+    }
+}
+
+#[cfg(not(unix))]
+fn name_of(found: FileType) -> &'static str {
+    if found.is_dir() { "folder" } else { "device or link" }
+}
+
+/// The bytes of a regular file of at most `most` bytes. Every file that the program is given is read by this function, or through
+/// [`open_regular`] piece by piece.
+///
+/// # Errors
+/// What the operating system says, that it is no regular file ([`open_regular`]), or that there is more: nothing beyond is read.
+pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let file = open_regular(path)?;
+    let size = file.metadata()?.len();
+    if size > most { Err(too_large(size, most)) } else { read_stream_at_most(file, most) }
+}
+
+/// The text of a regular file, as [`read_at_most`] reads it.
+///
+/// # Errors
+/// Those of [`read_at_most`], and a content that is not UTF-8.
+pub fn read_text_at_most(path: &Path, most: u64) -> io::Result<String> {
+    String::from_utf8(read_at_most(path, most)?).map_err(|e| {
+        io::Error::new(io::ErrorKind::InvalidData, format!("it is not text in UTF-8 ({})", e.utf8_error()))
+    })
+}
+
+/// What a stream, such as standard input, gives to its end: at most `most` bytes.
 ///
 /// # Errors
 /// What the operating system says, or that there is more: nothing beyond is read.
-pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+pub fn read_stream_at_most(stream: impl Read, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > most {
-        let found = std::fs::metadata(path)?.len().max(most + 1);
-        return Err(io::Error::new(
-            io::ErrorKind::FileTooLarge,
-            format!("the file has at least {found} bytes; it must have at most {most}"),
-        ));
-    }
-    Ok(bytes)
+    stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most { Err(too_large(most + 1, most)) } else { Ok(bytes) }
+}
+
+fn too_large(found: u64, most: u64) -> io::Error {
+    let message = format!("the file has at least {found} bytes; it must have at most {most}");
+    io::Error::new(io::ErrorKind::FileTooLarge, message)
 }
 
 /// A file that is being written under a temporary name in the folder of its target, and takes the target's name as a whole.
@@ -141,5 +197,37 @@ mod tests {
         assert_eq!(read_at_most(&path, 10).unwrap().len(), 10);
         let error = read_at_most(&path, 9).unwrap_err();
         assert!(error.to_string().contains("at least 10 bytes; it must have at most 9"), "{error}");
+    }
+
+    #[test]
+    fn a_stream_ends_at_its_limit() {
+        assert_eq!(read_stream_at_most(&[1u8; 9][..], 9).unwrap(), [1; 9]);
+        let error = read_stream_at_most(io::repeat(0), 100).unwrap_err().to_string();
+        assert!(error.contains("at least 101 bytes; it must have at most 100"), "{error}");
+    }
+
+    #[test]
+    fn text_must_be_text() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("a"), b"\xff").unwrap();
+        let error = read_text_at_most(&folder.path().join("a"), 9).unwrap_err().to_string();
+        assert!(error.contains("not text in UTF-8"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_is_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |path: &Path| read_at_most(path, 1 << 20).unwrap_err().to_string();
+        assert_eq!(refused(folder.path()), "it is a folder; it must be a regular file");
+        for device in ["/dev/zero", "/dev/null"] {
+            assert_eq!(refused(Path::new(device)), "it is a device; it must be a regular file");
+        }
+        let fifo = folder.path().join("fifo");
+        assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        assert_eq!(refused(&fifo), "it is a FIFO; it must be a regular file");
+        // Through a link, it is what the link leads to.
+        std::os::unix::fs::symlink("/dev/zero", folder.path().join("link")).unwrap();
+        assert_eq!(refused(&folder.path().join("link")), "it is a device; it must be a regular file");
     }
 }

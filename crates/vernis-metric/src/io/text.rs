@@ -1,4 +1,6 @@
-//! Text for messages: names that are nearly right, foreign text on one line, and counts.
+//! Text for messages: names that are nearly right, foreign text that a terminal may show, numbers and counts.
+
+use std::borrow::Cow;
 
 /// How similar two names must be for one to be suggested, 0 to 1.
 const SIMILAR: f64 = 0.5;
@@ -35,14 +37,48 @@ pub fn did_you_mean(nearest: &[String]) -> String {
 /// Text of a file or of a user as a message may show it: one line of at most `most` characters, and how many there are
 /// where that is less than all.
 pub fn shown(text: &str, most: usize) -> String {
-    let mut line = String::new();
-    for (k, c) in text.chars().enumerate() {
-        if k == most {
-            return format!("{line}... ({} characters)", text.chars().count());
-        }
-        if c.is_control() { line.extend(c.escape_debug()) } else { line.push(c) }
+    match text.char_indices().nth(most) {
+        None => one_line(text).into_owned(),
+        Some((end, _)) => format!("{}... ({} characters)", one_line(&text[..end]), text.chars().count()),
     }
-    line
+}
+
+/// Whether a character would do something to a terminal, or to the order in which text is shown, instead of being shown:
+/// controls (C0, DEL, C1), line and paragraph separators, marks, overrides and isolates of direction, and tags.
+fn acts(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+        || matches!(c, '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+}
+
+/// Text as a terminal may show it: what would act on the terminal (escape sequences of
+/// ECMA-48, directions of writing) is written as JSON writes it, such as `\u001b`. Line breaks and tabs stay.
+///
+/// JSON stays the same JSON: in it, such characters occur only inside strings.
+pub fn for_terminal(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| acts(c) && c != '\n' && c != '\t')
+}
+
+/// [`for_terminal`] on one line: line breaks and tabs are written as `\n` and `\t`.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    escaped(text, acts)
+}
+
+fn escaped(text: &str, which: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&which) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match c {
+            c if !which(c) => shown.push(c),
+            '\n' => shown.push_str("\\n"),
+            '\r' => shown.push_str("\\r"),
+            '\t' => shown.push_str("\\t"),
+            c => c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| shown += &format!("\\u{unit:04x}")),
+        }
+    }
+    Cow::Owned(shown)
 }
 
 /// A number as short as reads back the same, with an exponent where it would be a long row of zeros: 0.15, 1e-300.
@@ -129,7 +165,27 @@ mod tests {
 
     #[test]
     fn foreign_text_stays_on_one_line() {
-        assert_eq!(shown("a\nb\u{1b}[31m", 20), "a\\nb\\u{1b}[31m");
+        assert_eq!(shown("a\nb\u{1b}[31m", 20), "a\\nb\\u001b[31m");
         assert_eq!(shown("abcdef", 3), "abc... (6 characters)");
+    }
+
+    #[test]
+    fn nothing_acts_on_the_terminal() {
+        assert_eq!(for_terminal("two\n\tlines"), "two\n\tlines");
+        assert_eq!(for_terminal("\u{1b}]0;title\u{7}\r"), "\\u001b]0;title\\u0007\\r");
+        // C1 begins sequences as ESC does; overrides of direction show a name as another.
+        assert_eq!(for_terminal("\u{9b}31m\u{7f}"), "\\u009b31m\\u007f");
+        assert_eq!(for_terminal("a\u{202e}gnp.exe\u{2066}"), "a\\u202egnp.exe\\u2066");
+        assert_eq!(for_terminal("\u{e0041}"), "\\udb40\\udc41");
+        assert_eq!(one_line("a\tb\r\nc"), "a\\tb\\r\\nc");
+        let name = "Lavou\u{e9} \u{3b1} \u{6c49}";
+        assert!(matches!(for_terminal(name), Cow::Borrowed(same) if same == name));
+    }
+
+    #[test]
+    fn json_keeps_its_meaning() {
+        let value = serde_json::json!({"na\u{9b}me": "a\u{202e}\u{e0041}\u{1b}\u{7f}\"\\"});
+        let text = serde_json::to_string_pretty(&value).unwrap();
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&for_terminal(&text)).unwrap(), value);
     }
 }

@@ -6,9 +6,12 @@
 //! one weight a pixel: the projected area, as seen by the viewer, of its faces whose normal falls there.
 
 use super::LightError;
+use crate::io::read_text_at_most;
 use crate::math::Vec3;
 use std::path::Path;
 
+/// Largest file of a mesh that is read: some two million faces.
+pub(crate) const MOST_BYTES: u64 = 256 << 20;
 /// Pixels along each side of a picture.
 pub const SIDE: usize = 32;
 const DISC: f64 = 0.975;
@@ -43,18 +46,18 @@ impl Shape {
     /// The visible normals of an ASCII PLY mesh, by projected face area. Faces behind others count as visible.
     pub fn mesh(path: &Path) -> Result<Self, LightError> {
         let malformed = |reason: String| LightError::Mesh { path: path.to_owned(), reason };
-        let text = std::fs::read_to_string(path).map_err(|e| malformed(e.to_string()))?;
-        let faces = ply_triangles(&text).map_err(malformed)?;
+        let text = read_text_at_most(path, MOST_BYTES).map_err(|e| malformed(e.to_string()))?;
         let mut shape = Self::sphere();
         let mut area = vec![0.0; SIDE * SIDE];
-        for [a, b, c] in faces {
+        let add = |[a, b, c]: [Vec3; 3]| {
             let normal = (b - a).cross(c - a);
             let length = normal.length();
             if normal.z > 0.0 && length > 0.0 {
                 let bin = |x: f64| (((x / length + 1.0) * (SIDE / 2) as f64) as usize).min(SIDE - 1);
                 area[bin(normal.y) * SIDE + bin(normal.x)] += 0.5 * normal.z;
             }
-        }
+        };
+        ply_triangles(&text, add).map_err(malformed)?;
         // Normals between the disc and the silhouette have no pixel and are left out.
         let total: f64 = shape.cells.iter().map(|&cell| area[cell]).sum();
         if !(total > 0.0 && total.is_finite()) {
@@ -99,8 +102,9 @@ impl Shape {
     }
 }
 
-/// The faces of an ASCII PLY file as triangles (fans, where a face has more corners).
-fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
+/// Tells `found` the faces of an ASCII PLY file as triangles (fans, where a face has more corners). Room is made for what the
+/// file holds, not for what its header says.
+fn ply_triangles(text: &str, mut found: impl FnMut([Vec3; 3])) -> Result<(), String> {
     let mut lines = text.lines().enumerate();
     let (mut vertices, mut faces) = (0usize, 0usize);
     let mut element = "";
@@ -143,7 +147,6 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
             _ => return Err(format!("line {number}: a vertex needs finite x, y and z")),
         }
     }
-    let mut triangles = Vec::new();
     for _ in 0..faces {
         let (number, v) = row("face")?;
         let corners = v.first().copied().unwrap_or(0.0) as usize;
@@ -156,10 +159,10 @@ fn ply_triangles(text: &str) -> Result<Vec<[Vec3; 3]>, String> {
             point.copied().ok_or(format!("line {number}: vertex {} of {vertices}", v[k]))
         };
         for k in 2..corners {
-            triangles.push([corner(1)?, corner(k)?, corner(k + 1)?]);
+            found([corner(1)?, corner(k)?, corner(k + 1)?]);
         }
     }
-    Ok(triangles)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@
 //! A *probe* is a latitude/longitude picture of the user's, reduced to the grid by area and scaled to mean luminance 3.
 
 use super::LightError;
+use crate::io::read_at_most;
 use crate::math::color::luminance;
 use crate::math::{Rgb, Vec3};
 use std::f64::consts::PI;
@@ -26,6 +27,12 @@ use std::path::Path;
 pub const ROWS: usize = 96;
 /// Columns of the grid.
 pub const COLUMNS: usize = 192;
+/// Largest file of a light probe that is read: 16,384 x 8,192 pixels take at most 512 MiB.
+pub(crate) const MOST_BYTES: u64 = 768 << 20;
+/// Pixels of the largest probe that is read.
+const MOST_PIXELS: usize = 16_384 * 8_192;
+/// A run of equal pixels in the older encoding: four bytes repeat the last pixel 255 times.
+const MOST_PIXELS_PER_BYTE: usize = 64;
 /// Finer cells along each axis of a cell.
 const FINER: usize = 4;
 /// Mean luminance over the sphere that lamps and probes are scaled to.
@@ -236,15 +243,24 @@ impl ProbePicture {
     /// A latitude/longitude Radiance picture (`.hdr`) of at least [`COLUMNS`] x [`ROWS`] pixels.
     pub fn read(path: &Path) -> Result<Self, LightError> {
         let unreadable = |reason: String| LightError::Probe { path: path.to_owned(), reason };
-        let file = std::fs::File::open(path).map_err(|e| unreadable(e.to_string()))?;
-        let decoder = image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file))
-            .map_err(|e| unreadable(e.to_string()))?;
+        let bytes = read_at_most(path, MOST_BYTES).map_err(|e| unreadable(e.to_string()))?;
+        let decoder = image::codecs::hdr::HdrDecoder::new(&bytes[..]).map_err(|e| unreadable(e.to_string()))?;
         let (width, height) = (decoder.metadata().width as usize, decoder.metadata().height as usize);
         if width < COLUMNS || height < ROWS {
             return Err(unreadable(format!("it has {width}x{height} pixels; it must have at least {COLUMNS}x{ROWS}")));
         }
-        let pixels = decoder.read_image_hdr().map_err(|e| unreadable(e.to_string()))?;
-        Ok(Self { width, height, pixels: pixels.into_iter().map(|p| p.0.map(f64::from)).collect() })
+        // The decoder makes room for all that the header says.
+        let (said, most) = (width.saturating_mul(height), MOST_PIXELS.min(MOST_PIXELS_PER_BYTE * bytes.len()));
+        if said > most {
+            return Err(unreadable(format!(
+                "its header says {width}x{height} pixels; in {} bytes there can be at most {most}",
+                bytes.len()
+            )));
+        }
+        let mut pixels = vec![[0.0; 3]; said];
+        let linear = |pixel: image::codecs::hdr::Rgbe8Pixel| pixel.to_hdr().0.map(f64::from);
+        decoder.read_image_transform(linear, &mut pixels).map_err(|e| unreadable(e.to_string()))?;
+        Ok(Self { width, height, pixels })
     }
 }
 

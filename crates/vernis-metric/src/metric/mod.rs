@@ -146,6 +146,13 @@ impl Measured {
     pub fn distance(value: f64) -> Self {
         Self { value, channels: None, score: None }
     }
+
+    /// The distance, those of the channels, and the score with its interval: each must be finite.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let channels = self.channels.into_iter().flatten();
+        let score = self.score.into_iter().flat_map(|s| [s.distance, s.mos, s.low, s.high]);
+        std::iter::once(self.value).chain(channels).chain(score)
+    }
 }
 
 /// A distance from a reference to a candidate: exactly zero for identical BRDFs, larger is worse, never NaN.

@@ -70,6 +70,11 @@ impl Registry {
         GROUPS.iter().map(|group| group.name).chain(self.metrics.iter().map(|metric| metric.name()))
     }
 
+    /// Whether `name` means a metric, a member of a family or a group here, so that no file may go by it.
+    pub fn knows(&self, name: &str) -> bool {
+        self.names().any(|known| known.eq_ignore_ascii_case(name)) || self.get(name).is_ok()
+    }
+
     /// The metric called `name`, or the member of a family that `family[key=value,...]` describes
     /// ([`Metric::member`]).
     ///

@@ -154,8 +154,10 @@ impl PreparedMetrics {
             }
         }
         let checked = |(found, name): (Option<Measured>, &String)| match found {
-            Some(measured) if measured.value.is_finite() => Ok(measured),
-            Some(Measured { value, .. }) => Err(MetricError::NotFinite { metric: name.clone(), value }),
+            Some(measured) => match measured.numbers().find(|number| !number.is_finite()) {
+                None => Ok(measured),
+                Some(value) => Err(MetricError::NotFinite { metric: name.clone(), value }),
+            },
             None => Err(MetricError::NotComputed {
                 metric: name.clone(),
                 reason: "the pass that it shares with others gave no number for it".to_owned(),

@@ -6,7 +6,7 @@
 
 use super::{extension, io_error, merl, nbrdf, rgl, titopo};
 use crate::brdf::BrdfError;
-use crate::io::nearest;
+use crate::io::{nearest, open_regular};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -14,6 +14,8 @@ use zip::ZipArchive;
 
 /// The directory of an archive ends with a record of 22 bytes and a comment of at most 65,535.
 const LONGEST_END: u64 = 22 + 65_535;
+/// More than any collection of materials has.
+const MOST_MEMBERS: u64 = 1_000_000;
 /// The first bytes of that record.
 const END: &[u8] = b"PK\x05\x06";
 
@@ -66,7 +68,7 @@ pub fn member(path: &Path, material: &str) -> Result<Member, BrdfError> {
 }
 
 fn open(path: &Path) -> Result<ZipArchive<BufReader<File>>, BrdfError> {
-    let mut file = File::open(path).map_err(io_error(path))?;
+    let mut file = open_regular(path).map_err(io_error(path))?;
     // The reader would look for the end of the directory through all of a file, which may be of any size.
     let size = file.metadata().map_err(io_error(path))?.len();
     let mut end = Vec::new();
@@ -76,7 +78,33 @@ fn open(path: &Path) -> Result<ZipArchive<BufReader<File>>, BrdfError> {
     if !end.windows(END.len()).any(|window| window == END) {
         return Err(malformed(path, "no directory at its end; is it cut off?".to_owned()));
     }
+    check_members(&mut file, &end).map_err(|reason| malformed(path, reason))?;
     ZipArchive::new(BufReader::new(file)).map_err(|e| malformed(path, e.to_string()))
+}
+
+/// That the directory of a large archive, by its `end`, does not say that it has more members than any archive: the reader makes
+/// room for as many as it says. In other archives it cannot say more than 65,535.
+fn check_members(file: &mut File, end: &[u8]) -> Result<(), String> {
+    // Signature, disk, place of the record (u64), number of disks; before the end of the directory.
+    const LOCATOR: usize = 20;
+    for at in (LOCATOR..end.len()).filter(|&at| end[at..].starts_with(END)) {
+        let locator = &end[at - LOCATOR..at];
+        if !locator.starts_with(b"PK\x06\x07") {
+            continue;
+        }
+        let place = u64::from_le_bytes(std::array::from_fn(|b| locator[8 + b]));
+        // Signature, size, two versions, two disks, members on this disk (u64), members (u64).
+        let mut record = [0; 40];
+        let read = file.seek(SeekFrom::Start(place)).and_then(|_| file.read_exact(&mut record));
+        if read.is_err() || !record.starts_with(b"PK\x06\x06") {
+            return Err("its directory is not where its end says".to_owned());
+        }
+        let members = u64::from_le_bytes(std::array::from_fn(|b| record[32 + b]));
+        if members > MOST_MEMBERS {
+            return Err(format!("its directory says {members} members; it must have at most {MOST_MEMBERS}"));
+        }
+    }
+    Ok(())
 }
 
 fn malformed(path: &Path, reason: String) -> BrdfError {

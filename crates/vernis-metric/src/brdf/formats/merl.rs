@@ -5,7 +5,7 @@
 //! (1, 1.15, 1.66)/1500. A negative number marks a missing measurement.
 //!
 //! Source: Matusik et al. 2003, doi:10.1145/882262.882343, and the reader published with the data.
-//! Cost: one parallel pass over the mapped file.
+//! Cost: one parallel pass over the bytes of the file.
 
 use super::{read_checked, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};

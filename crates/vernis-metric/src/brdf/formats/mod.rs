@@ -13,8 +13,7 @@ pub mod titopo;
 pub(super) use foreign::what_it_is;
 
 use super::{BrdfError, Grid, TableError, TabulatedBrdf};
-use crate::io::NewFile;
-use std::fs::File;
+use crate::io::{NewFile, open_regular};
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -60,13 +59,14 @@ pub(super) fn read_checked(
     path: &Path,
     check: impl FnOnce(&[u8], u64) -> Result<(), BrdfError>,
 ) -> Result<Vec<u8>, BrdfError> {
-    let mut file = File::open(path).map_err(io_error(path))?;
+    let mut file = open_regular(path).map_err(io_error(path))?;
     let size = file.metadata().map_err(io_error(path))?.len();
     let mut bytes = Vec::with_capacity(HEAD);
     file.by_ref().take(HEAD as u64).read_to_end(&mut bytes).map_err(io_error(path))?;
     check(&bytes, size)?;
     let rest = size.saturating_sub(bytes.len() as u64);
     bytes.reserve_exact(rest as usize);
+    // The file may have grown since; the size that was checked is what is read.
     file.take(rest).read_to_end(&mut bytes).map_err(io_error(path))?;
     Ok(bytes)
 }

@@ -24,6 +24,11 @@ const LANES: usize = 32;
 /// A network has 19 kB.
 pub(super) const MOST_BYTES: u64 = 1 << 20;
 
+/// Sides of the chunks in which a file may store a layer.
+const MOST_SIDE: u64 = 4096;
+/// Of a weight: with larger ones, sums could exceed the range of f32 and become no numbers.
+const LARGEST: f32 = 1e6;
+
 /// A material's network.
 #[derive(Debug, Clone)]
 pub struct Nbrdf {
@@ -73,9 +78,17 @@ impl Nbrdf {
             if found != shape {
                 return Err(format!("{name} has shape {found:?}; it must have {shape:?}"));
             }
+            // Chunks are unpacked whole, whatever part of them the network takes.
+            let chunk = dataset.chunk_shape().map_err(|e| format!("{name}: {e}"))?.unwrap_or_default();
+            if chunk.iter().any(|side| *side > MOST_SIDE) {
+                return Err(format!("{name} has chunks of shape {chunk:?}; each side must be at most {MOST_SIDE}"));
+            }
             let values = dataset.read_f32().map_err(|e| format!("{name}: {e}"))?;
-            match values.iter().position(|v| !v.is_finite()) {
-                Some(k) => Err(format!("{name} holds {} at {k}; it must hold finite numbers", values[k])),
+            match values.iter().position(|v| !(v.abs() <= LARGEST)) {
+                Some(k) => {
+                    let allowed = format!("finite numbers of at most {LARGEST:e} in magnitude");
+                    Err(format!("{name} holds {} at {k}; it must hold {allowed}", values[k]))
+                }
                 None => Ok(values),
             }
         };

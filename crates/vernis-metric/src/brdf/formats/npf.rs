@@ -19,7 +19,7 @@
 
 use super::io_error;
 use crate::brdf::{Brdf, BrdfError, ContentHash};
-use crate::io::nearest;
+use crate::io::{nearest, open_regular};
 use crate::math::{Rgb, Vec3};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::fs::File;
@@ -128,7 +128,7 @@ pub fn materials(path: &Path) -> Result<Vec<String>, BrdfError> {
 
 /// Opens a file of the right size.
 fn open(path: &Path) -> Result<File, BrdfError> {
-    let file = File::open(path).map_err(io_error(path))?;
+    let file = open_regular(path).map_err(io_error(path))?;
     let (found, allowed) = (file.metadata().map_err(io_error(path))?.len(), (ROWS * ROW_BYTES) as u64);
     if found == allowed {
         return Ok(file);

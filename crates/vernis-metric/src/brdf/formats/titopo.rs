@@ -5,7 +5,7 @@
 //! each axis; 4,374,000 bytes. Values are BRDFs (1/sr, cosine not included). Negative and non-finite numbers occur and
 //! mean that nothing is known there; fresh files mark such cells by NaN.
 //!
-//! Source: the data of Lavoue et al. 2021, doi:10.1111/cgf.142636. Cost: one parallel pass over the mapped file.
+//! Source: the data of Lavoue et al. 2021, doi:10.1111/cgf.142636. Cost: one parallel pass over the bytes of the file.
 
 use super::{extension, read_checked, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};

@@ -72,8 +72,9 @@ impl<'a> Pair<'a> {
             Form::Direct(points) => points.sum(),
             Form::Lattice(lattice) => lattice.sum(cells(self.grid, self.common)),
         };
-        // A form of positive kernels: below zero by rounding alone.
-        (sum / (n * n)).max(0.0)
+        // A form of positive kernels: below zero by rounding alone. `max` would hide a NaN.
+        let divergence = sum / (n * n);
+        if divergence < 0.0 { 0.0 } else { divergence }
     }
 
     /// The derivatives of [`Pair::divergence`] with respect to the candidate's f cos theta_i, which is given, one a cell; 0

@@ -22,12 +22,18 @@
 use super::regressor::{Input, Regressor, RegressorError, Term, difference};
 use crate::brdf::ContentHash;
 use crate::descriptor::{DescriptorError, DescriptorSet, Family, SetupId};
+use crate::io::shown;
 use crate::metric::Score;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Of files written by this version; older ones keep loading.
 pub const FORMAT: u32 = 1;
+
+/// Characters of the name of a metric.
+const LONGEST_NAME: usize = 200;
+/// Largest factor and offset of an interval.
+const LARGEST_INTERVAL: f64 = 1e6;
 
 /// Significant digits of exported weights: about those of an f32.
 const DIGITS: usize = 7;
@@ -59,6 +65,8 @@ pub enum ExportedError {
     Inputs { name: String, found: usize, expected: usize },
     #[error("{name}: descriptor {column} is {value}; it must be a finite number")]
     NotFinite { name: String, column: String, value: f64 },
+    #[error("{name}: {what} is {value}; it must be a finite number")]
+    Prediction { name: String, what: &'static str, value: f64 },
 }
 
 /// Which descriptors a metric takes.
@@ -277,6 +285,7 @@ impl ExportedMetric {
     pub fn score(&self, raw: &[f64]) -> Result<Score, ExportedError> {
         let prediction = self.prediction(raw)?;
         let half = self.interval.factor * (self.spread(raw) + self.interval.offset);
+        self.finite("the half-width of the interval", half)?;
         let clip = |mos: f64| mos.clamp(1.0, 5.0);
         Ok(Score {
             distance: (self.regressor.identity_mos - prediction).max(0.0),
@@ -300,7 +309,16 @@ impl ExportedMetric {
         if let Some((input, &value)) = inputs.iter().zip(raw).find(|(_, v)| !v.is_finite()) {
             return Err(ExportedError::NotFinite { name: self.name.clone(), column: input.name.clone(), value });
         }
-        Ok(self.regressor.predict(raw))
+        // Where a number is none, `max` and `clamp` would make a score of it.
+        self.finite("the predicted score", self.regressor.predict(raw))
+    }
+
+    fn finite(&self, what: &'static str, value: f64) -> Result<f64, ExportedError> {
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(ExportedError::Prediction { name: self.name.clone(), what, value })
+        }
     }
 
     /// Standard deviation of the members' predictions, in MOS; 0 for fewer than two members.
@@ -318,13 +336,17 @@ impl ExportedMetric {
     fn check(&self, file: &str) -> Result<(), ExportedError> {
         let value =
             |what, found: String, allowed| Err(ExportedError::Value { file: file.to_owned(), what, found, allowed });
+        let characters = self.name.chars().count();
+        if !(1..=LONGEST_NAME).contains(&characters) || self.name.chars().any(char::is_control) {
+            return value("the name", format!("`{}`", shown(&self.name, 50)), "1 to 200 characters without controls");
+        }
         let Interval { level, factor, offset } = self.interval;
         if !(level > 0.0 && level < 1.0) {
             return value("the level of the interval", level.to_string(), "between 0 and 1");
         }
         for (what, x) in [("the factor of the interval", factor), ("the offset of the interval", offset)] {
-            if !(x >= 0.0 && x.is_finite()) {
-                return value(what, x.to_string(), "0 or more");
+            if !(0.0..=LARGEST_INTERVAL).contains(&x) {
+                return value(what, x.to_string(), "0 or more, and at most 1000000");
             }
         }
         if !(1.0..=5.0).contains(&self.regressor.identity_mos) {

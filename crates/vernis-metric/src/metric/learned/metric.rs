@@ -5,7 +5,7 @@
 use super::exported::{ExportedError, ExportedMetric};
 use crate::brdf::Brdf;
 use crate::descriptor::{BrdfFeatures, Cache, CacheWarning, DescriptorOptions, Setup};
-use crate::io::read_at_most;
+use crate::io::read_text_at_most;
 use crate::metric::{Measured, Metric, MetricError, PreparedMetric, Properties, Score, Side};
 use std::path::Path;
 use std::sync::Arc;
@@ -48,8 +48,7 @@ impl LearnedMetric {
     pub fn load_with(path: &Path, options: &DescriptorOptions) -> Result<Self, ExportedError> {
         let file = path.display().to_string();
         let unreadable = |reason: String| ExportedError::Read { file: file.clone(), reason };
-        let bytes = read_at_most(path, MOST_BYTES).map_err(|e| unreadable(e.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|e| unreadable(e.to_string()))?;
+        let text = read_text_at_most(path, MOST_BYTES).map_err(|e| unreadable(e.to_string()))?;
         Self::parse(&text, &file, options)
     }
 
@@ -63,6 +62,13 @@ impl LearnedMetric {
         let setup = Setup::find(&exported.descriptors.setup, options)
             .map_err(|e| ExportedError::Setup { file: file.to_owned(), source: Box::new(e) })?;
         Ok(Self { exported: Arc::new(exported), setup })
+    }
+
+    /// The same metric under another name, for where its own is in use.
+    #[must_use]
+    pub fn renamed(mut self, name: String) -> Self {
+        Arc::make_mut(&mut self.exported).name = name;
+        self
     }
 
     /// What computes the descriptors.

@@ -6,7 +6,8 @@
 //!   mos = identity_mos + sum_t weight_t (g_t(z) - g_t(z0)),   z = standardise(f, c),   z0 = standardise(0, c),
 //!
 //! so that identical BRDFs (f = 0) get `identity_mos` bit for bit, whatever was learned: both evaluations are then the
-//! same operations on the same numbers. Every weight is f64. Cost: two evaluations of each g, 1e4 to 1e5
+//! same operations on the same numbers. Every weight is f64. The magnitudes of all numbers are bounded ([`LARGEST`] and the
+//! others), far beyond what training gives, so that no sum leaves the range of f64: a prediction is always a number. Cost: two evaluations of each g, 1e4 to 1e5
 //! multiplications.
 
 use crate::descriptor::{Column, Role};
@@ -15,8 +16,20 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// Largest magnitude of a learned number: weights, biases, landmarks, gains, the clipping limit, slopes. Of those that must be
+/// positive, 1 / this is the smallest.
+pub const LARGEST: f64 = 1e6;
+/// Largest magnitude of the mean of a feature, and largest scale.
+pub const LARGEST_SCALE: f64 = 1e12;
+/// Smallest scale of a feature.
+pub const SMALLEST_SCALE: f64 = 1e-30;
+/// Largest exponent of a feature.
+pub const LARGEST_POWER: f64 = 8.0;
+/// Most layers of a network.
+pub const MOST_LAYERS: usize = 8;
+
 /// Why a regressor cannot be used.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "each message says what its fields are")]
 pub enum RegressorError {
@@ -26,8 +39,8 @@ pub enum RegressorError {
     Input { feature: usize, found: usize, last: usize },
     #[error("{what} is not a finite number")]
     NotFinite { what: String },
-    #[error("{what} must be greater than 0")]
-    NotPositive { what: String },
+    #[error("{what} is {found:?}; it must be {low:?} to {high:?}")]
+    Range { what: String, found: f64, low: f64, high: f64 },
     #[error("the regressor has no {what}")]
     Empty { what: &'static str },
 }
@@ -112,15 +125,15 @@ impl Standardizer {
     }
 
     fn check(&self, inputs: usize) -> Result<(), RegressorError> {
-        positive("the clipping limit", self.limit)?;
-        positive("the power", self.power)?;
+        positive("the clipping limit", self.limit, LARGEST)?;
+        positive("the power", self.power, LARGEST_POWER)?;
         if self.features.is_empty() {
             return Err(RegressorError::Empty { what: "feature" });
         }
         for (i, f) in self.features.iter().enumerate() {
-            finite(&format!("mean of feature {i}"), &[f.mean])?;
-            positive(&format!("scale of feature {i}"), f.scale)?;
-            positive(&format!("gain of feature {i}"), f.gain)?;
+            within(&format!("mean of feature {i}"), f.mean, (-LARGEST_SCALE, LARGEST_SCALE))?;
+            within(&format!("scale of feature {i}"), f.scale, (SMALLEST_SCALE, LARGEST_SCALE))?;
+            positive(&format!("gain of feature {i}"), f.gain, LARGEST)?;
             if f.input >= inputs {
                 return Err(RegressorError::Input { feature: i, found: f.input, last: inputs.saturating_sub(1) });
             }
@@ -244,9 +257,9 @@ impl Regressor {
         raw.outer_iter().map(|row| self.predict(&row.to_vec())).collect()
     }
 
-    /// Shapes agree and every number is finite: after this, `predict` cannot fail.
+    /// Shapes agree and every number is within its bounds: after this, `predict` gives a finite number for finite descriptors.
     pub fn check(&self) -> Result<(), RegressorError> {
-        finite("identity_mos", &[self.identity_mos])?;
+        learned("identity_mos", [self.identity_mos])?;
         Self::check_terms(&self.terms, self.inputs.len())
     }
 
@@ -256,7 +269,7 @@ impl Regressor {
             return Err(RegressorError::Empty { what: "term" });
         }
         for (i, term) in terms.iter().enumerate() {
-            finite(&format!("weight of term {i}"), &[term.weight])?;
+            learned(&format!("weight of term {i}"), [term.weight])?;
             term.standardizer.check(inputs)?;
             term.function.check(term.standardizer.features.len())?;
         }
@@ -334,18 +347,18 @@ impl Function {
         match self {
             Function::Linear { weights } => {
                 shape("linear weights", weights.len(), features)?;
-                finite("a linear weight", weights)
+                learned("a linear weight", weights.iter().copied())
             }
             Function::Kernel { kernel, weights, landmarks } => {
-                positive("the kernel's length", kernel.length)?;
-                finite("the kernel's linear part", &[kernel.linear])?;
+                within("the kernel's length", kernel.length, (1.0 / LARGEST, LARGEST))?;
+                learned("the kernel's linear part", [kernel.linear])?;
                 shape("values in the landmarks", landmarks.len(), weights.len() * features)?;
-                finite("a kernel weight", weights)?;
-                finite("a landmark", landmarks)
+                learned("a kernel weight", weights.iter().copied())?;
+                learned("a landmark", landmarks.iter().copied())
             }
             Function::Network { activation, members } => {
                 let Activation::LeakyRelu { slope } = activation;
-                finite("the activation's slope", &[*slope])?;
+                learned("the activation's slope", [*slope])?;
                 if members.is_empty() {
                     return Err(RegressorError::Empty { what: "network" });
                 }
@@ -358,7 +371,11 @@ impl Function {
 fn check_network(layers: &[Dense], features: usize) -> Result<(), RegressorError> {
     let outputs = check_layers(layers, features)?;
     shape("outputs of the network", if layers.is_empty() { 0 } else { outputs }, 1)?;
-    layers.iter().enumerate().try_for_each(|(i, layer)| finite_all(&format!("a number of layer {i}"), layer.numbers()))
+    if layers.len() > MOST_LAYERS {
+        let (what, found) = ("the number of layers".to_owned(), layers.len() as f64);
+        return Err(RegressorError::Range { what, found, low: 1.0, high: MOST_LAYERS as f64 });
+    }
+    layers.iter().enumerate().try_for_each(|(i, layer)| learned(&format!("a number of layer {i}"), layer.numbers()))
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -372,18 +389,22 @@ fn shape(what: &str, found: usize, expected: usize) -> Result<(), RegressorError
     Err(RegressorError::Shape { what: what.to_owned(), found, expected })
 }
 
-fn finite(what: &str, values: &[f64]) -> Result<(), RegressorError> {
-    finite_all(what, values.iter().copied())
+/// Numbers that were learned.
+fn learned(what: &str, values: impl IntoIterator<Item = f64>) -> Result<(), RegressorError> {
+    values.into_iter().try_for_each(|value| within(what, value, (-LARGEST, LARGEST)))
 }
 
-fn finite_all(what: &str, mut values: impl Iterator<Item = f64>) -> Result<(), RegressorError> {
-    if values.all(f64::is_finite) {
+/// A number from 1 / [`LARGEST`] to `high`.
+fn positive(what: &str, value: f64, high: f64) -> Result<(), RegressorError> {
+    within(what, value, (1.0 / LARGEST, high))
+}
+
+fn within(what: &str, found: f64, (low, high): (f64, f64)) -> Result<(), RegressorError> {
+    if !found.is_finite() {
+        return Err(RegressorError::NotFinite { what: what.to_owned() });
+    }
+    if (low..=high).contains(&found) {
         return Ok(());
     }
-    Err(RegressorError::NotFinite { what: what.to_owned() })
-}
-
-fn positive(what: &str, value: f64) -> Result<(), RegressorError> {
-    finite(what, &[value])?;
-    if value > 0.0 { Ok(()) } else { Err(RegressorError::NotPositive { what: what.to_owned() }) }
+    Err(RegressorError::Range { what: what.to_owned(), found, low, high })
 }

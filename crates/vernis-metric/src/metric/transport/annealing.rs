@@ -26,7 +26,8 @@ impl Annealing {
         let (start, stop) = (p * diameter.ln(), p * parameters.blur().ln());
         // As numpy's `arange` steps: by the difference of the first two values.
         let step = (start + p * parameters.scaling().ln()) - start;
-        let count = ((stop - start) / step).ceil().max(0.0);
+        let count = ((stop - start) / step).ceil();
+        // A small diameter gives none, which a cast to usize makes of what is below 0; it would make 0 of a NaN as well.
         if count.is_nan() || count > MOST_STEPS as f64 {
             return Err(TransportError::TooManySteps { found: count, allowed: MOST_STEPS });
         }

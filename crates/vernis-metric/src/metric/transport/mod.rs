@@ -237,7 +237,8 @@ impl<'a> Comparison<'a> {
             (Cow::Owned(reference.restricted(candidate)?), Cow::Owned(candidate.restricted(reference)?))
         };
         let diameter = reference.extents.joint_diameter(&candidate.extents, parameters.alpha());
-        let annealing = if diameter > 0.0 { Some(Annealing::new(parameters, diameter)?) } else { None };
+        // One that is no number is refused by the annealing.
+        let annealing = if diameter == 0.0 { None } else { Some(Annealing::new(parameters, diameter)?) };
         Ok(Self { reference, candidate, annealing })
     }
 }

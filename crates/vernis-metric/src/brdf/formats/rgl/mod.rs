@@ -22,9 +22,10 @@ mod warp;
 
 use super::io_error;
 use crate::brdf::{Brdf, BrdfError};
+use crate::io::open_regular;
 use crate::math::{Rgb, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::fs::File;
+
 use std::io::Read;
 use std::path::Path;
 use tensor::{Allowed, Directory};
@@ -58,7 +59,7 @@ pub struct Rgl {
 /// # Errors
 /// As [`decode`]; a file of more bytes than such files have is refused before they are read.
 pub(in crate::brdf) fn bytes(path: &Path) -> Result<Vec<u8>, BrdfError> {
-    let mut file = File::open(path).map_err(io_error(path))?;
+    let mut file = open_regular(path).map_err(io_error(path))?;
     let size = file.metadata().map_err(io_error(path))?.len();
     let mut bytes = Vec::new();
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(io_error(path))?;

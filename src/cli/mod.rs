@@ -220,7 +220,7 @@ pub fn run() -> ExitCode {
 /// Starts the worker threads, which otherwise start at their first use and end the program where they cannot.
 fn start_threads(asked: Option<usize>) -> Result<()> {
     let mut pool = rayon::ThreadPoolBuilder::new();
-    let mut what = "the worker threads, one per core".to_owned();
+    let mut what = "the worker threads (one per core)".to_owned();
     if let Some(n) = asked {
         if !(1..=MOST_THREADS).contains(&n) {
             return Err(user_error(format!("--threads is {n}; it must be 1 to {MOST_THREADS}")));

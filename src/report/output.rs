@@ -12,7 +12,7 @@ use vernis_metric::io::{FolderLock, NewFile, write_atomically};
 pub struct OutputFolder {
     path: PathBuf,
     /// Of a folder that was claimed; held, and never looked at.
-    lock: Option<Arc<FolderLock>>,
+    _lock: Option<Arc<FolderLock>>,
 }
 
 impl OutputFolder {
@@ -27,7 +27,7 @@ impl OutputFolder {
         fs::create_dir_all(&path)
             .and_then(|()| probe())
             .map_err(|source| ReportError::Unwritable { path: path.clone(), source })?;
-        Ok(Self { path, lock: None })
+        Ok(Self { path, _lock: None })
     }
 
     /// The same for a folder whose files belong together: no other process can claim it before this is dropped.
@@ -37,7 +37,7 @@ impl OutputFolder {
     pub fn claim(path: impl Into<PathBuf>) -> Result<Self, ReportError> {
         let folder = Self::create(path)?;
         let lock = FolderLock::acquire(&folder.path).map_err(ReportError::Lock)?;
-        Ok(Self { lock: Some(Arc::new(lock)), ..folder })
+        Ok(Self { _lock: Some(Arc::new(lock)), ..folder })
     }
 
     /// Path of the folder.

@@ -5,6 +5,7 @@ use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Map, Value, json};
+use vernis_metric::metric::Score;
 use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare two BRDFs.
@@ -31,7 +32,7 @@ pub struct CompareArgs {
     candidate: String,
     #[command(flatten)]
     choice: MetricChoice,
-    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}}.
+    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high", "scale": {"worst", "best"}}}}.
     #[arg(long)]
     json: bool,
     /// Also print the distance of each channel, for metrics that have one.
@@ -62,7 +63,7 @@ fn to_json(found: &[Distance], per_channel: bool) -> Value {
     for d in found {
         distances.insert(d.metric.clone(), json!(d.value));
         if let Some(s) = d.score {
-            mos.insert(d.metric.clone(), json!({"mos": s.mos, "low": s.low, "high": s.high}));
+            mos.insert(d.metric.clone(), json!({"mos": s.mos, "low": s.low, "high": s.high, "scale": s.scale}));
         }
         if let Some(c) = d.channels {
             channels.insert(d.metric.clone(), json!(c));
@@ -81,7 +82,7 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
     for d in found {
         text += &format!("{:width$}  {:<12.6}", d.metric, d.value);
         if let Some(s) = d.score {
-            text += &format!("  predicted MOS {:.2} of 5, 95 % between {:.2} and {:.2}", s.mos, s.low, s.high);
+            text += &format!("  {}", predicted(&s));
         }
         if let (true, Some([r, g, b])) = (per_channel, d.channels) {
             text += &format!("  R {}  G {}  B {}", number(r), number(g), number(b));
@@ -89,6 +90,15 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
         text = text.trim_end().to_owned() + "\n";
     }
     text
+}
+
+/// The score and its interval, on the scale of the metric's ratings.
+fn predicted(s: &Score) -> String {
+    let [mos, low, high] = [s.mos, s.low, s.high].map(|x| s.scale.show(x));
+    if s.scale.is_grades() {
+        return format!("predicted MOS {mos} of 5, 95 % between {low} and {high}");
+    }
+    format!("predicted score {mos} on {}, 95 % between {low} and {high}", s.scale)
 }
 
 /// Six decimals, or as many digits where they would show nothing.

@@ -1,6 +1,7 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
 use super::progress::Bar;
+use super::scale::ScaleArgs;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -35,6 +36,8 @@ pub struct LossesArgs {
     /// A study by name, or a CSV file: its references are fitted, its ratings train the learned metrics.
     #[arg(long, default_value = "lavoue2021-open")]
     study: String,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
@@ -95,7 +98,7 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
 
 fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
-    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     let bar = Bar::new();
@@ -112,8 +115,15 @@ fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
 fn command_line(args: &LossesArgs, study: &Study) -> String {
     let name = Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy();
     format!(
-        "vernis experiment losses --study {name} --materials {} --grid {} --graph-grid {} --max-evaluations {} --folds {} \
+        "vernis experiment losses --study {name}{} --materials {} --grid {} --graph-grid {} --max-evaluations {} --folds {} \
          --resamples {} --seed {}",
-        args.materials, args.grid, args.graph_grid, args.max_evaluations, args.folds, args.resamples, args.seed
+        args.scale.option(),
+        args.materials,
+        args.grid,
+        args.graph_grid,
+        args.max_evaluations,
+        args.folds,
+        args.resamples,
+        args.seed
     )
 }

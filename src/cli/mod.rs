@@ -16,6 +16,7 @@ mod metrics;
 mod progress;
 mod refit;
 mod report;
+mod scale;
 mod score;
 mod study;
 #[cfg(feature = "train")]

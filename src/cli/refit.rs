@@ -1,6 +1,7 @@
 //! `vernis refit`: the candidates of a study, made anew from its references.
 
 use super::progress::Bar;
+use super::scale::ScaleArgs;
 use super::view::View;
 use super::{Shared, fit, print, user_error, workspace};
 use anyhow::Result;
@@ -25,6 +26,8 @@ pub struct RefitArgs {
     /// A study by name, or a CSV file.
     #[arg(long, value_name = "NAME|CSV")]
     study: String,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// A method of the study; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     method: Vec<String>,
@@ -44,7 +47,7 @@ pub struct RefitArgs {
 pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let metric = workspace::one_metric(&args.metric, &args.view.options())?;
     let methods = methods(&args.method)?;
-    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     workspace::warm_up(shared, std::slice::from_ref(&metric))?;
     let bar = Bar::new();

@@ -15,6 +15,7 @@ use crate::train::{Trainer, recipe};
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::descriptor::Column;
 use vernis_metric::descriptor::Family;
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::kernel::FAMILY as ENERGY_FAMILY;
 use vernis_metric::metric::learned::exported::Interval;
 use vernis_metric::metric::lp::FAMILY as LP_FAMILY;
@@ -40,7 +41,7 @@ const GRAPH_FAMILIES: [&str; 2] = [TRANSPORT_FAMILY, ENERGY_FAMILY];
 /// What a benchmark found, and what an export of its metric needs.
 pub struct StudyBenchmark {
     pub record: BenchmarkRecord,
-    /// Of the learned metric's scores.
+    /// Of the learned metric's scores, in grades.
     pub interval: Interval,
 }
 
@@ -114,6 +115,8 @@ pub fn run(
     let record = BenchmarkRecord {
         study: study.name.clone(),
         synthetic: study.synthetic,
+        scale: RatingScale::GRADES,
+        identical: Some(study.identical.clone()),
         rows: samples.len(),
         materials: materials.len(),
         groups: study.groups(),
@@ -136,7 +139,7 @@ pub fn run(
         predictions: bench.prediction_records(&headline),
         headline,
     };
-    Ok(StudyBenchmark { record, interval })
+    Ok(StudyBenchmark { record: record.on_scale(study.scale), interval })
 }
 
 /// The models beside the metric: trainer, kind, note.

@@ -13,6 +13,7 @@ use super::t_test::{TTest, paired, welch};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::math::correlation::{Ranking, pearson, pearson_counted, spearman, spearman_counted};
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::math::resampling::{self, Resamples, rows_by_name};
 
 const TYPE: &str = "material type";
@@ -28,6 +29,7 @@ const MANIFOLD: &str = "GPLVM_APPROX.";
 pub(super) struct Comparison<'a> {
     opinions: &'a [RatedStimulus],
     mos: Vec<f64>,
+    scale: RatingScale,
     /// Standard deviations come from scores, not from a model.
     measured: bool,
     /// Most stimuli first.
@@ -39,7 +41,13 @@ pub(super) struct Comparison<'a> {
 }
 
 impl<'a> Comparison<'a> {
-    pub fn new(opinions: &'a [RatedStimulus], measured: bool, options: &Options, notes: &mut Notes) -> Self {
+    pub fn new(
+        opinions: &'a [RatedStimulus],
+        scale: RatingScale,
+        measured: bool,
+        options: &Options,
+        notes: &mut Notes,
+    ) -> Self {
         let mut numbers: BTreeMap<&str, usize> = BTreeMap::new();
         for o in opinions {
             if let Some(illumination) = &o.stimulus.illumination {
@@ -55,7 +63,7 @@ impl<'a> Comparison<'a> {
         let drawn = Resamples::draw(&groups, options.resamples, options.seed, "study-bootstrap");
         let resamples = notes.keep("intervals by material", drawn.map_err(StudyError::from));
         let mos = opinions.iter().map(|o| o.opinion.mos).collect();
-        Self { opinions, mos, measured, illuminations, approximations, references, resamples }
+        Self { opinions, mos, scale, measured, illuminations, approximations, references, resamples }
     }
 
     pub fn illuminations(&self) -> Vec<String> {
@@ -67,9 +75,13 @@ impl<'a> Comparison<'a> {
         if !self.measured {
             return Err(StudyError::NoRawScores);
         }
+        if self.scale.is_open() {
+            return Err(StudyError::OpenScale);
+        }
         let rows: Vec<usize> = (0..self.mos.len()).filter(|&r| self.opinions[r].opinion.deviation.is_some()).collect();
-        let (means, variances) = means_and_variances(rows.iter().map(|&r| &self.opinions[r].opinion));
+        let (means, variances) = means_and_variances(rows.iter().map(|&r| &self.opinions[r].opinion), self.scale);
         let mut fit = sos::fit(&means, &variances)?;
+        fit.rmse = self.scale.width(fit.rmse);
         fit.interval = self.resamples.as_ref().and_then(|resamples| {
             resamples
                 .interval(|counts| sos::slope(&means, &variances, &rows.iter().map(|&r| counts[r]).collect::<Vec<_>>()))
@@ -170,7 +182,7 @@ impl<'a> Comparison<'a> {
         .collect()
     }
 
-    /// Of `rows`, the one with the highest mean opinion score for every material and model, as the study's figures 9 and 10
+    /// Of `rows`, the one with the best mean opinion score for every material and model, as the study's figures 9 and 10
     /// have it; nothing where every method is a model of its own.
     fn better_fits(&self, rows: &[usize]) -> Vec<usize> {
         let distinct = |of: &dyn Fn(usize) -> &'a str| rows.iter().map(|&row| of(row)).collect::<BTreeSet<_>>().len();
@@ -180,7 +192,7 @@ impl<'a> Comparison<'a> {
         for &row in rows.iter().filter(|_| models < methods) {
             let stimulus = &self.opinions[row].stimulus;
             let kept = best.entry((&stimulus.material, &stimulus.method_family)).or_insert(row);
-            if self.mos[row] > self.mos[*kept] {
+            if self.scale.direction() * (self.mos[row] - self.mos[*kept]) > 0.0 {
                 *kept = row;
             }
         }

@@ -7,6 +7,7 @@ use crate::panel::record::{BoxSet, IlluminationComparison, Panel, Spread, StudyR
 use crate::panel::screening::{Criterion, GOLD_ACCURACY, GOLD_TOLERANCE, LEAST_SECONDS};
 use crate::panel::t_test::TTest;
 use vernis_metric::math::quantile::Interval;
+use vernis_metric::math::rating_scale::RatingScale;
 
 const SYNTHETIC: &str =
     "SYNTHETIC observers: these ratings were simulated by a program. Nothing here says how people see.";
@@ -58,7 +59,7 @@ pub(super) fn blocks(record: &StudyRecord) -> Vec<Block> {
     }
     blocks.push(Block::Text(what_was_rated(record)));
     if let Some(panel) = &record.panel {
-        blocks.extend([Block::Heading("Raters"), Block::Text(raters(panel))]);
+        blocks.extend([Block::Heading("Raters"), Block::Text(raters(panel, record.scale))]);
     }
     blocks.push(Block::Heading("Mean opinion scores"));
     blocks.push(Block::Text(spread(record)));
@@ -109,14 +110,27 @@ fn what_was_rated(record: &StudyRecord) -> String {
     )
 }
 
-fn raters(panel: &Panel) -> String {
+/// Of a right answer to a control question.
+fn tolerance(scale: RatingScale) -> String {
+    if scale.is_grades() {
+        return format!("{GOLD_TOLERANCE} grade");
+    }
+    format!("{} points", scale.show(scale.width(GOLD_TOLERANCE)))
+}
+
+/// Such as `-x^2 + 6x - 5`: what the variance of scores with mean x is a part of.
+fn parabola(scale: RatingScale) -> String {
+    if scale.is_grades() { "-x^2 + 6x - 5".to_owned() } else { format!("x - {})({} - x", scale.low(), scale.high()) }
+}
+
+fn raters(panel: &Panel, scale: RatingScale) -> String {
     let each = |what: &str, m: Option<crate::panel::moments::MeanAndDeviation>| {
         m.map_or(String::new(), |m| format!(" {what}: {:.1} on average (SD {:.1}).", m.mean, m.deviation))
     };
     let criteria = [
         (
             Criterion::Gold,
-            format!("fewer than {:.0} % of control questions within {GOLD_TOLERANCE} grade", 100.0 * GOLD_ACCURACY),
+            format!("fewer than {:.0} % of control questions within {}", 100.0 * GOLD_ACCURACY, tolerance(scale)),
         ),
         (Criterion::Time, format!("less than {LEAST_SECONDS} s per answer")),
         (Criterion::Outlier, "outliers of ITU-R BT.500-13, annex 2, 2.3.1".to_owned()),
@@ -141,15 +155,27 @@ fn raters(panel: &Panel) -> String {
 fn spread(record: &StudyRecord) -> String {
     let widths: Vec<f64> = record.opinions.iter().filter_map(|o| o.opinion.width()).collect();
     let half = 0.5 * widths.iter().sum::<f64>() / widths.len().max(1) as f64;
+    let scale = record.scale;
+    let ends = match scale {
+        scale if scale.is_grades() => "1 is very poor, 5 excellent.".to_owned(),
+        scale if scale.is_open() => {
+            format!("{} is best; the scale has no worst end, and its ratings reach {}.", scale.best(), scale.worst())
+        }
+        scale => format!("{} is worst, {} best.", scale.worst(), scale.best()),
+    };
     let how = match record.spread {
         Spread::Scores => "Student's t of the scores of each stimulus".to_owned(),
         Spread::NoiseModel { a, raters } => {
             format!(
-                "ASSUMED, because the study gives only means: variance {a} (-x^2 + 6x - 5), {raters} raters per stimulus"
+                "ASSUMED, because the study gives only means: variance {a} ({}), {raters} raters per stimulus",
+                parabola(record.scale)
             )
         }
+        Spread::Unknown => {
+            return format!("{ends} The study gives only means, on a scale without a worst end: no spread is assumed.");
+        }
     };
-    format!("1 is very poor, 5 excellent. 95 % intervals of single means are +-{half:.2} on average ({how}).")
+    format!("{ends} 95 % intervals of single means are +-{half:.2} on average ({how}).")
 }
 
 fn extremes(record: &StudyRecord) -> Table {
@@ -199,9 +225,10 @@ fn agreement(record: &StudyRecord) -> Vec<Block> {
     }
     if let Some(s) = &record.sos {
         blocks.push(Block::Text(format!(
-            "SOS: variance of the scores = {:.3} {} (-x^2 + 6x - 5), root mean square error of the SD {:.2}.",
+            "SOS: variance of the scores = {:.3} {} ({}), root mean square error of the SD {:.2}.",
             s.a,
             interval(s.interval),
+            parabola(record.scale),
             s.rmse
         )));
     }

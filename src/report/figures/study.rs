@@ -1,12 +1,13 @@
 //! The figures of a study's ratings: how much was rated, box plots of mean opinion scores, one illumination against the other.
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed, round_step, scored, shown};
 use crate::panel::BoxPlot;
 use crate::panel::record::{BoxSet, NamedBox, StudyRecord};
 use crate::report::{Figure, ReportError};
 use plotters::prelude::DrawingBackend;
 use std::collections::{BTreeMap, BTreeSet};
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// File name of a figure, title of its box plots in the record, caption.
 const BOXES: [(&str, &str, &str); 7] = [
@@ -20,7 +21,7 @@ const BOXES: [(&str, &str, &str); 7] = [
     (
         "mos-by-model",
         "By model, the better of several fits",
-        "Mean opinion scores by model; of several fits of a model to a material, the one with the highest score",
+        "Mean opinion scores by model; of several fits of a model to a material, the one with the best score",
     ),
     (
         "mos-by-model-and-type",
@@ -165,6 +166,7 @@ enum Of {
 struct Boxes<'a> {
     title: String,
     of: Of,
+    scale: RatingScale,
     rows: Vec<(String, &'a NamedBox, &'a BoxPlot)>,
 }
 
@@ -181,7 +183,8 @@ impl<'a> Boxes<'a> {
         let mut rows: Vec<_> = set.boxes.iter().filter_map(row).collect();
         // Methods by their scores; what has an order or two levels a factor keeps it.
         if set.factors == ["method"] {
-            rows.sort_by(|a, b| b.2.median.total_cmp(&a.2.median).then_with(|| a.0.cmp(&b.0)));
+            let quality = |plot: &BoxPlot| record.scale.direction() * plot.median;
+            rows.sort_by(|a, b| quality(b.2).total_cmp(&quality(a.2)).then_with(|| a.0.cmp(&b.0)));
         }
         let what = match of {
             Of::Mos => "Mean opinion scores",
@@ -189,15 +192,16 @@ impl<'a> Boxes<'a> {
         };
         let factors = set.factors.join(" and ");
         let title = if factors.is_empty() { what.to_owned() } else { format!("{what} by {factors}") };
-        Self { title: observed(&title, record.synthetic), of, rows }
+        Self { title: observed(&title, record.synthetic), of, scale: record.scale, rows }
     }
 
     fn range(&self) -> (f64, f64) {
         match self.of {
-            Of::Mos => (1.0, 5.0),
+            Of::Mos => (self.scale.low(), self.scale.high()),
             Of::IntervalWidth => {
                 let ends = self.rows.iter().flat_map(|r| r.2.outliers.iter().chain(&r.2.whiskers));
-                (0.0, (ends.copied().fold(0.1, f64::max) * 5.0).ceil() / 5.0)
+                let grade = self.scale.unit().abs();
+                (0.0, (ends.copied().fold(0.1 * grade, f64::max) / grade * 5.0).ceil() / 5.0 * grade)
             }
         }
     }
@@ -213,12 +217,18 @@ impl Picture for Boxes<'_> {
         let x = Axis { data: self.range(), pixels: (left, f64::from(WIDTH) - 40.0) };
         let bottom = TOP + ROW * self.rows.len() as f64;
         canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
-        for tick in x.ticks(if self.of == Of::Mos { 1.0 } else { 0.2 }) {
+        let step = match self.of {
+            Of::Mos => round_step(x.data.1 - x.data.0),
+            Of::IntervalWidth if self.scale.is_grades() => 0.2,
+            Of::IntervalWidth => round_step(x.data.1),
+        };
+        for tick in x.ticks(step) {
             canvas.line((x.at(tick), TOP - 6.0), (x.at(tick), bottom), FAINT, 1.0)?;
-            let label = if self.of == Of::Mos { format!("{tick:.0}") } else { format!("{:.1}", tick + 0.0) };
+            let widths = self.of == Of::IntervalWidth && self.scale.is_grades();
+            let label = if widths { format!("{:.1}", tick + 0.0) } else { shown(tick) };
             canvas.words(&label, (x.at(tick), bottom + 18.0), TEXT, Anchor::Middle)?;
         }
-        canvas.words("MOS", (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
+        canvas.words(&scored(self.scale), (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
         for (i, (label, named, plot)) in self.rows.iter().enumerate() {
             let y = TOP + ROW * (i as f64 + 0.5);
             canvas.words(label, (left - 12.0, y), TEXT, Anchor::Right)?;
@@ -248,6 +258,7 @@ impl Picture for Boxes<'_> {
 struct Lights<'a> {
     title: String,
     names: [&'a str; 2],
+    scale: RatingScale,
     methods: Vec<&'a str>,
     /// Method, score under the first, score under the second.
     points: Vec<(usize, f64, f64)>,
@@ -266,7 +277,7 @@ impl<'a> Lights<'a> {
         let place = |method: &str| methods.iter().position(|m| *m == method).unwrap_or(0);
         let points: Vec<_> = both.iter().map(|(method, x, y)| (place(method), *x, *y)).collect();
         let title = observed(&format!("Mean opinion scores under {a} and {b}"), record.synthetic);
-        (!points.is_empty()).then_some(Self { title, names: [a, b], methods, points })
+        (!points.is_empty()).then_some(Self { title, names: [a, b], scale: record.scale, methods, points })
     }
 }
 
@@ -280,7 +291,8 @@ impl Picture for Lights<'_> {
             title: &self.title,
             x_label: &format!("MOS under {}", self.names[0]),
             y_label: &format!("MOS under {}", self.names[1]),
-            range: (1.0, 5.0),
+            range: (self.scale.low(), self.scale.high()),
+            step_of: (self.scale.low(), self.scale.high()),
             methods: &self.methods,
             points: &self.points,
         }

@@ -8,7 +8,7 @@ use vernis::dataset::DeclaredScale;
 pub struct ScaleArgs {
     /// Scale of the ratings in a file of your own: mos (1 to 5), jod (10 is best, no worst end), dmos (0 is best, larger is
     /// worse, no worst end), or both ends, such as worst=0,best=100 [default: what the file declares, else mos].
-    #[arg(long = "scale", value_name = "SCALE", allow_hyphen_values = true)]
+    #[arg(long = "scale", value_name = "SCALE")]
     pub declared: Option<DeclaredScale>,
 }
 

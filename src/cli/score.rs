@@ -16,7 +16,7 @@ use vernis_metric::metric::registry::{Distance, distances};
 #[command(after_help = "\
 PAIRS.csv has a header with at least the columns `reference` and `candidate`, each a BRDF as `vernis compare --help`
 describes. The output has the same rows in the same order, one more column per metric, and `mos`, `mos_low`, `mos_high` for
-a learned metric (with `:NAME` appended for each learned metric after the first, and if PAIRS.csv has its own `mos`).
+a learned metric, on the scale of its ratings (with `:NAME` appended for each learned metric after the first, and if PAIRS.csv has its own `mos`).
 
 Examples:
   vernis score pairs.csv --metric vernis --metric D9.Cl --out scores.csv
@@ -105,7 +105,8 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     }
     bar.finish();
     folder.write(&name, &to_csv(&pairs, &found)?)?;
-    print(format!("{} pairs, {} metrics: {}\n", pairs.rows.len(), metrics.len(), args.out.display()))
+    let scales = found.first().map_or(String::new(), |first| workspace::scales(first));
+    print(format!("{} pairs, {} metrics: {}\n{scales}", pairs.rows.len(), metrics.len(), args.out.display()))
 }
 
 fn to_csv(pairs: &Pairs, found: &[Vec<Distance>]) -> Result<Vec<u8>> {

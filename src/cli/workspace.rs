@@ -14,7 +14,7 @@ use vernis_metric::brdf::{BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
 use vernis_metric::metric::Metric;
 use vernis_metric::metric::learned::{self, LearnedMetric};
-use vernis_metric::metric::registry::Registry;
+use vernis_metric::metric::registry::{Distance, Registry};
 
 /// The metric that is used where none is named.
 pub const DEFAULT_METRIC: &str = "vernis";
@@ -147,6 +147,13 @@ pub fn output_file(path: &Path) -> Result<(OutputFolder, String)> {
     })?;
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
+}
+
+/// On which scales the scores are that are not on 1 to 5, a line each.
+pub fn scales(distances: &[Distance]) -> String {
+    let scored = distances.iter().filter_map(|d| Some((&d.metric, d.score?.scale)));
+    let others = scored.filter(|(_, scale)| !scale.is_grades());
+    others.map(|(metric, scale)| format!("scores of {metric} are on {scale}\n")).collect()
 }
 
 /// Reads a number of bootstrap resamples.

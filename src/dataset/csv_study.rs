@@ -261,7 +261,10 @@ mod tests {
         }
         // What the name of the column says; open scales end at the worst rating, rounded outwards.
         let (grades, scale) = read(&rows("dmos", [7.1, 2.0]), None).unwrap();
-        assert_eq!((grades, scale.to_string()), (vec![1.45, 4.0], "8 (worst rated) to 0 (best)".to_owned()));
+        assert_eq!(
+            (grades, scale.to_string()),
+            (vec![1.4500000000000002, 4.0], "8 (worst rated) to 0 (best)".to_owned())
+        );
         assert_eq!(read(&rows("jod", [6.0, 9.0]), None).unwrap().0, [1.0, 4.0]);
         assert_eq!(read(&rows("mos", [6.0, 9.0]), Some("jod")).unwrap().0, [1.0, 4.0]);
         for (text, scale, expected) in [

@@ -7,6 +7,7 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 use vernis_metric::brdf::plausibility::Plausibility;
 use vernis_metric::io::decimals;
+use vernis_metric::metric::Score;
 use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare two BRDFs.
@@ -35,8 +36,8 @@ pub struct CompareArgs {
     candidate: String,
     #[command(flatten)]
     choice: MetricChoice,
-    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high"}}, "versions": {name: version}, "albedo",
-    /// "warnings"}.
+    /// Print JSON: {"distances": {name: value}, "mos": {name: {"mos", "low", "high", "scale": {"worst", "best"}}}, "versions": {name:
+    /// version}, "albedo", "warnings"}.
     #[arg(long)]
     json: bool,
     /// Also print the distance of each channel. Lp metrics other than D6 and lab, and those on graphs, have one; learned metrics,
@@ -86,7 +87,7 @@ fn to_json(found: &[Distance], per_channel: bool) -> Value {
     for d in found {
         distances.insert(d.metric.clone(), json!(d.value));
         if let Some(s) = d.score {
-            mos.insert(d.metric.clone(), json!({"mos": s.mos, "low": s.low, "high": s.high}));
+            mos.insert(d.metric.clone(), json!({"mos": s.mos, "low": s.low, "high": s.high, "scale": s.scale}));
         }
         if let Some(c) = d.channels {
             channels.insert(d.metric.clone(), json!(c));
@@ -107,7 +108,7 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
     for d in found {
         text += &format!("{:width$}  {:<12}", d.metric, decimals(d.value, 6));
         if let Some(s) = d.score {
-            text += &format!("  predicted MOS {:.2} of 5, 95 % between {:.2} and {:.2}", s.mos, s.low, s.high);
+            text += &format!("  {}", predicted(&s));
         }
         match d.channels {
             Some([r, g, b]) if per_channel => {
@@ -119,6 +120,15 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
         text = text.trim_end().to_owned() + "\n";
     }
     text
+}
+
+/// The score and its interval, on the scale of the metric's ratings.
+fn predicted(s: &Score) -> String {
+    let [mos, low, high] = [s.mos, s.low, s.high].map(|x| s.scale.show(x));
+    if s.scale.is_grades() {
+        return format!("predicted MOS {mos} of 5, 95 % between {low} and {high}");
+    }
+    format!("predicted score {mos} on {}, 95 % between {low} and {high}", s.scale)
 }
 
 /// Six decimals, or as many digits where they would show nothing.

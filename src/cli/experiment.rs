@@ -2,6 +2,7 @@
 
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
+use super::scale::ScaleArgs;
 use super::{Shared, cells, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -39,6 +40,8 @@ pub struct LossesArgs {
     /// A study by name, or a CSV file: its references are fitted, its ratings train the learned metrics.
     #[arg(long, default_value = "lavoue2021-open")]
     study: String,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
@@ -110,7 +113,7 @@ fn cells(args: &LossesArgs) -> Result<(&str, usize)> {
 
 fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
-    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
     let inputs = Inputs::default().file(&args.study);
     let folder = output::folder(Some(&args.out), PathBuf::new, &["report.md"], &inputs, Replace::CONTINUES)?;
@@ -135,8 +138,9 @@ fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
 fn command_line(args: &LossesArgs, study: &Study, options: &LossesOptions) -> String {
     let name = Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy();
     format!(
-        "vernis experiment losses --study {name} --materials {} --coarsening {} --grid {} --max-evaluations {} --folds {} \
+        "vernis experiment losses --study {name}{} --materials {} --coarsening {} --grid {} --max-evaluations {} --folds {} \
          --resamples {} --seed {}",
+        args.scale.option(),
         args.materials,
         options.coarsening,
         options.graph_grid,

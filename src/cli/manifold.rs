@@ -2,6 +2,7 @@
 
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
+use super::scale::ScaleArgs;
 use super::{Shared, print, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -33,6 +34,8 @@ pub struct ManifoldArgs {
     /// A study by name, or a CSV file, whose references span the manifold.
     #[arg(long, value_name = "NAME|CSV", required_unless_present = "reference", conflicts_with = "reference")]
     study: Option<String>,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// A BRDF that spans the manifold, as `vernis compare --help` describes; give several.
     #[arg(long, value_name = "BRDF")]
     reference: Vec<String>,
@@ -113,7 +116,7 @@ impl Format {
 fn references(shared: &Shared, args: &ManifoldArgs) -> Result<BTreeMap<String, BrdfSource>> {
     match &args.study {
         Some(name) => {
-            let study = Study::load(name, shared.data.as_deref()).map_err(user_error)?;
+            let study = Study::load_on(name, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
             Ok(study.pairs.into_iter().map(|p| (p.material, p.reference)).collect())
         }
         None => {

@@ -20,6 +20,7 @@ mod plausible;
 mod progress;
 mod refit;
 mod report;
+mod scale;
 mod score;
 #[cfg(feature = "train")]
 mod scores;

@@ -180,11 +180,13 @@ mod tests {
             spellings.extend(["soft.csv", "link/in.csv"]);
         }
         for name in spellings {
-            let error = file(&at(name), &inputs(), Replace { replace: true, continues: false }).unwrap_err().to_string();
+            let error =
+                file(&at(name), &inputs(), Replace { replace: true, continues: false }).unwrap_err().to_string();
             assert!(error.contains("input of this command; inputs are never replaced"), "{name}: {error}");
         }
         assert!(file(&at("missing.csv"), &inputs(), Replace { replace: false, continues: false }).is_ok());
-        let error = file(&at("other.csv"), &inputs(), Replace { replace: false, continues: false }).unwrap_err().to_string();
+        let error =
+            file(&at("other.csv"), &inputs(), Replace { replace: false, continues: false }).unwrap_err().to_string();
         assert!(error.ends_with("other.csv exists already; use --replace to replace it"), "{error}");
         assert!(file(&at("other.csv"), &inputs(), Replace { replace: true, continues: false }).is_ok());
         assert_eq!(fs::read(at("in.csv")).unwrap(), b"kept");
@@ -197,7 +199,13 @@ mod tests {
         fs::create_dir(&own).unwrap();
         fs::write(own.join("report.html"), "earlier").unwrap();
         let of = |named: Option<&Path>, inputs: &Inputs, replace: bool| {
-            refused(folder(named, || own.clone(), &["a.csv", "report.html"], inputs, Replace { replace, continues: false }))
+            refused(folder(
+                named,
+                || own.clone(),
+                &["a.csv", "report.html"],
+                inputs,
+                Replace { replace, continues: false },
+            ))
         };
         let none = Inputs::default();
         assert_eq!(of(None, &none, false), "");

@@ -3,6 +3,7 @@
 use super::cells::Cells;
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
+use super::scale::ScaleArgs;
 use super::view::View;
 use super::{Shared, fit, print, signals, user_error, workspace};
 use anyhow::Result;
@@ -29,6 +30,8 @@ pub struct RefitArgs {
     /// A study by name, or a CSV file.
     #[arg(long, value_name = "NAME|CSV")]
     study: String,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// A method of the study; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     method: Vec<String>,
@@ -47,7 +50,7 @@ pub struct RefitArgs {
 pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
     let (metric, coarsening) = args.cells.of(workspace::one_metric(&args.metric, &args.view.options())?)?;
     let methods = methods(&args.method)?;
-    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     let references = study.pairs.iter().map(|pair| &pair.reference);
     let inputs = Inputs::default().files([&args.study, &args.metric]).view(&args.view);
     let inputs = inputs.sources(references, shared.data.as_deref());

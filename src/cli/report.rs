@@ -66,7 +66,7 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     for ((name, file), _) in PROBES.iter().zip(&found).filter(|(_, found)| probed && found.is_none()) {
         missing.push(format!("Energy of the light probe {name} by degree: {file} is not in the data folder."));
     }
-    let materials = match Study::load(&name, data) {
+    let materials = match Study::load_on(&name, data, args.ratings.scale_of_study()) {
         Ok(study) => {
             pictures::of_study(&study, data, benchmark.as_ref(), &light, usize::MAX).map_err(anyhow::Error::from)?
         }

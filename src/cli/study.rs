@@ -1,12 +1,13 @@
 //! `vernis study`: the statistics of a study's ratings.
 
 use super::output::{self, Inputs, Replace};
+use super::scale::ScaleArgs;
 use super::{Shared, note, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::opinions::StudyOpinions;
-use vernis::dataset::{DatasetError, synthetic};
+use vernis::dataset::{DatasetError, DeclaredScale, Study, synthetic};
 use vernis::panel::contradiction;
 use vernis::panel::screening::Criterion;
 use vernis::panel::{Options, StudyRecord, describe as study_of};
@@ -19,7 +20,7 @@ const HUMAN_STUDY: &str = "lavoue2021";
 #[derive(Args)]
 #[command(after_help = "\
 Reads only ratings, no BRDF. --ratings takes raw ratings, one row per judgement: a CSV file with the columns
-  participant, material, method (REFERENCE for a hidden reference), score (1 to 5)
+  participant, material, method (REFERENCE for a hidden reference), score (1 to 5, or as --scale says)
 and optionally
   illumination, seconds, gold (the expected score of a control question), group, material_type
 or a TOML file that maps other columns to these; see datasets/README.md.
@@ -27,7 +28,8 @@ or a TOML file that maps other columns to these; see datasets/README.md.
 Examples:
   vernis study --study synthetic
   vernis study --study lavoue2021 --data ~/brdf-data --out out/ratings
-  vernis study --ratings my-ratings.csv --reject gold,time,outlier --json")]
+  vernis study --ratings my-ratings.csv --reject gold,time,outlier --json
+  vernis study --study scores-of-100.csv --scale worst=0,best=100")]
 pub struct StudyArgs {
     #[command(flatten)]
     ratings: RatingsArgs,
@@ -51,6 +53,8 @@ pub struct RatingsArgs {
     /// Raw ratings (.csv, or the .toml that describes one).
     #[arg(long, value_name = "FILE")]
     ratings: Option<PathBuf>,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// Checks that reject a participant.
     #[arg(long, value_delimiter = ',', default_value = "gold,time", value_parser = ["gold", "time", "outlier", "none"])]
     reject: Vec<String>,
@@ -63,6 +67,12 @@ impl RatingsArgs {
     /// The files that are read. Those that a TOML file leads to are never called as what is written.
     pub fn inputs(&self) -> Inputs {
         Inputs::default().files(&self.study).files(&self.ratings)
+    }
+
+    /// The scale of the study itself, where it is a file: a study by name declares its own.
+    pub fn scale_of_study(&self) -> Option<DeclaredScale> {
+        let own = self.study.as_ref().is_some_and(|name| !Study::known().contains(&name.as_str()));
+        self.scale.declared.filter(|_| own)
     }
 
     /// Whether raw ratings alone were named, without a study.
@@ -100,15 +110,21 @@ pub fn describe(shared: &Shared, args: &RatingsArgs) -> Result<(StudyRecord, Str
 
 fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
     let data = shared.data.as_deref();
-    let raw = args.ratings.as_deref().map(StudyOpinions::load_raw).transpose().map_err(user_error)?;
+    let scale = args.scale.declared;
+    let raw = args.ratings.as_deref().map(|path| StudyOpinions::load_raw_on(path, scale));
+    let raw = raw.transpose().map_err(user_error)?;
     match (&args.study, raw) {
         (Some(name), Some(raw)) => {
-            let study = StudyOpinions::load(name, data).map_err(user_error)?;
+            let study = StudyOpinions::load_on(name, data, args.scale_of_study()).map_err(user_error)?;
             workspace::warn(contradictions(&study, &raw));
             Ok(study.with_raw(raw))
         }
-        (Some(name), None) => StudyOpinions::load(name, data).map_err(user_error),
+        (Some(name), None) => StudyOpinions::load_on(name, data, scale).map_err(user_error),
         (None, Some(raw)) => Ok(raw),
+        (None, None) if scale.is_some() => Err(user_error(format!(
+            "--scale is {}, but neither --study nor --ratings was given; name the file whose ratings are on that scale",
+            args.scale.declared.map_or(String::new(), |s| s.to_string())
+        ))),
         (None, None) => match StudyOpinions::load(HUMAN_STUDY, data) {
             // Ratings that are there and wrong are no reason to go on with other ones.
             Err(missing @ (DatasetError::NoDataFolder { .. } | DatasetError::MissingFile { .. })) => {
@@ -166,5 +182,6 @@ fn command(args: &RatingsArgs, study: &str) -> String {
         (None, Some(_)) => String::new(),
         (named, _) => format!(" --study {}", named.as_deref().unwrap_or(study)),
     };
-    format!("vernis study{study}{ratings} --reject {} --seed {}", args.reject.join(","), args.seed)
+    let scale = args.scale.option();
+    format!("vernis study{study}{ratings}{scale} --reject {} --seed {}", args.reject.join(","), args.seed)
 }

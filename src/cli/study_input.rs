@@ -1,6 +1,7 @@
 //! What `train`, `benchmark` and `extract` take in: a study and how its BRDFs are looked at.
 
 use super::output::Inputs;
+use super::scale::ScaleArgs;
 use super::view::View;
 use super::{Shared, note, user_error};
 use anyhow::Result;
@@ -15,6 +16,8 @@ pub struct StudyInput {
     /// has it, else synthetic].
     #[arg(long, value_name = "STUDY")]
     study: Option<String>,
+    #[command(flatten)]
+    scale: ScaleArgs,
     #[command(flatten)]
     pub view: View,
 }
@@ -37,7 +40,12 @@ impl StudyInput {
 
     fn load(&self, data: Option<&Path>) -> Result<Study> {
         if let Some(name) = &self.study {
-            return Study::load(name, data).map_err(user_error);
+            return Study::load_on(name, data, self.scale.declared).map_err(user_error);
+        }
+        if let Some(scale) = self.scale.declared {
+            return Err(user_error(format!(
+                "--scale is {scale}, but no --study was given; name the CSV file whose ratings are on that scale"
+            )));
         }
         match Study::load(manifest::OPEN, data) {
             Ok(study) => {

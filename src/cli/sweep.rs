@@ -2,6 +2,7 @@
 
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
+use super::scale::ScaleArgs;
 use super::{Shared, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -32,6 +33,8 @@ pub struct SweepArgs {
     /// A study by name (lavoue2021-open, lavoue2021, synthetic) or a CSV file.
     #[arg(long, default_value = "lavoue2021-open")]
     study: String,
+    #[command(flatten)]
+    scale: ScaleArgs,
     /// Folder for results [default: out/sweep-STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -146,7 +149,7 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     if !(args.memory >= 0.0 && args.memory <= 1e6) {
         return Err(user_error(format!("--memory is {}; it must be 0 or more GiB", args.memory)));
     }
-    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;
     let short = study.short_name();
     let default = || PathBuf::from(format!("out/sweep-{short}"));
@@ -198,7 +201,8 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
 
 /// The command that makes the same report again.
 fn command(args: &SweepArgs, study: &str) -> String {
-    let mut command = format!("vernis sweep --study {study} --grid {} --accuracy {}", args.grid, args.accuracy);
+    let scale = args.scale.option();
+    let mut command = format!("vernis sweep --study {study}{scale} --grid {} --accuracy {}", args.grid, args.accuracy);
     if let Some(family) = args.family.and_then(|family| family.to_possible_value()) {
         command += &format!(" --family {}", family.get_name());
     }

@@ -24,7 +24,7 @@ pub struct StudyOptions {
     input: StudyInput,
     /// A whole study in a file of `vernis extract` or `vernis merge`. BRDFs are not needed: embeddings, which are learned from
     /// BRDFs, are omitted, and so are pictures of missing BRDFs.
-    #[arg(long, value_name = "PARQUET", conflicts_with_all = ["study", "lights", "shape"])]
+    #[arg(long, value_name = "PARQUET", conflicts_with_all = ["study", "declared", "lights", "shape"])]
     extracted: Option<PathBuf>,
     /// Seed of splits, resamples and initial weights. The same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]

@@ -12,9 +12,9 @@ use vernis::evaluation::bootstrap::MIN_RESAMPLES;
 use vernis::experiment::ExperimentError;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
-use vernis_metric::metric::Metric;
 use vernis_metric::metric::learned::{self, LearnedMetric};
 use vernis_metric::metric::registry::Registry;
+use vernis_metric::metric::{Metric, Score};
 
 /// The metric that is used where none is named.
 pub const DEFAULT_METRIC: &str = "vernis";
@@ -157,6 +157,13 @@ pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
         }
         other => anyhow::Error::new(other),
     }
+}
+
+/// On which scales the scores of metrics are that are not on 1 to 5, a line each.
+pub fn scales<'a>(scores: impl Iterator<Item = (&'a str, Option<Score>)>) -> String {
+    let scored = scores.filter_map(|(metric, score)| Some((metric, score?.scale)));
+    let others = scored.filter(|(_, scale)| !scale.is_grades());
+    others.map(|(metric, scale)| format!("scores of {metric} are on {scale}\n")).collect()
 }
 
 /// Reads a number of bootstrap resamples.

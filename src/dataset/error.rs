@@ -44,6 +44,8 @@ pub enum DatasetError {
     EqualRatings { study: String, pairs: usize, mos: f64 },
     #[error("study {study}: material {material} belongs to the groups {first} and {second}; it must belong to one")]
     TwoGroups { study: String, material: String, first: String, second: String },
+    #[error("study {study} declares its own scale, {scale}; --scale is for ratings of your own")]
+    ScaleDeclared { study: String, scale: String },
     #[error("study synthetic: {reason}")]
     Synthetic { reason: String },
 }

@@ -1,7 +1,7 @@
 //! Studies by name, and from files.
 
 use super::manifest::{self, Manifest};
-use super::{DatasetError, Study, csv_study, published, synthetic};
+use super::{DatasetError, DeclaredScale, Study, csv_study, published, synthetic};
 use std::path::Path;
 use vernis_metric::io::nearest;
 
@@ -17,6 +17,24 @@ impl Study {
     /// An unknown name, a missing or malformed file, or a study without a usable pair. A study that is only partly at
     /// hand loads; see [`Study::completeness`].
     pub fn load(name_or_path: &str, data: Option<&Path>) -> Result<Self, DatasetError> {
+        Self::load_on(name_or_path, data, None)
+    }
+
+    /// As [`Study::load`]; `scale` is that of a CSV file's ratings. Without one it is 1 to 5, or what the name of the column
+    /// says: `jod`, `dmos`.
+    ///
+    /// # Errors
+    /// Those of [`Study::load`]; a scale for a study that declares its own.
+    pub fn load_on(
+        name_or_path: &str,
+        data: Option<&Path>,
+        scale: Option<DeclaredScale>,
+    ) -> Result<Self, DatasetError> {
+        if scale.is_some()
+            && let Some(scale) = Self::own_scale(name_or_path)?
+        {
+            return Err(DatasetError::ScaleDeclared { study: name_or_path.into(), scale: scale.allowed() });
+        }
         if name_or_path == synthetic::NAME {
             return Ok(synthetic::generate(synthetic::SEED)?.study);
         }
@@ -25,9 +43,23 @@ impl Study {
         }
         let path = Path::new(name_or_path);
         if path.is_file() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-            return csv_study::load(path);
+            return csv_study::load(path, scale);
         }
         Err(Self::unknown(name_or_path))
+    }
+
+    /// The scale that a study known by name declares; `None` for any other study.
+    ///
+    /// # Errors
+    /// A manifest that cannot be read.
+    pub(super) fn own_scale(name: &str) -> Result<Option<DeclaredScale>, DatasetError> {
+        if name == synthetic::NAME {
+            return Ok(Some(DeclaredScale::MOS));
+        }
+        if manifest::NAMES.contains(&name) {
+            return Ok(Some(Manifest::embedded(name)?.rated.scale));
+        }
+        Ok(None)
     }
 
     /// That there is no study `name`, with the nearest one there is.

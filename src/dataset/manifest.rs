@@ -1,8 +1,9 @@
 //! Manifests: what a published study is made of and where its files come from, as `datasets/<study>/manifest.toml`
 //! states it. The files are compiled in, so that a binary alone knows every study.
 
-use super::DatasetError;
+use super::identical::{Basis, Identical};
 use super::raw_layout::RawLayout;
+use super::{DatasetError, DeclaredScale};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -37,6 +38,11 @@ pub struct RatedManifest {
     pub pairs: usize,
     /// Where the ratings are.
     pub ratings: Ratings,
+    /// The scale of the ratings; 1 (very poor) to 5 (excellent) where nothing is stated.
+    #[serde(default = "grades")]
+    pub scale: DeclaredScale,
+    /// The score of identical BRDFs, where a source of the study states it.
+    pub identical: Option<StatedIdentical>,
     /// The scores behind the means, in a file of the data folder that need not be there.
     pub raw_ratings: Option<RawLayout>,
     /// Where the candidates' tables may be.
@@ -54,6 +60,20 @@ pub struct RatedManifest {
     pub methods: Vec<Method>,
     /// Materials that are kept on one side of every split.
     pub sisters: Vec<Sisters>,
+}
+
+fn grades() -> DeclaredScale {
+    DeclaredScale::MOS
+}
+
+/// The score of identical BRDFs, as a source of the study states it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StatedIdentical {
+    /// On the scale of the ratings.
+    pub score: f64,
+    /// Where it stands, and of what it is the mean.
+    pub source: String,
 }
 
 /// Where the ratings are, in the data folder.
@@ -277,9 +297,25 @@ impl RatedManifest {
             }
         }
         m.files.iter().try_for_each(|f| check_sha256(study, f))?;
+        let scale = m.scale.of_ratings([]).map_err(|_| {
+            manifest_error(
+                study,
+                format!("scale is {}; it must have a worst end, for the ratings are given as shares of it", m.scale),
+            )
+        })?;
+        if let Some(identical) = m.identical.as_ref().filter(|i| !scale.contains(i.score)) {
+            return Err(manifest_error(study, format!("identical: score is {}; it must be {scale}", identical.score)));
+        }
         let raw = m.raw_ratings.as_ref().map_or(Ok(()), RawLayout::check);
         raw.map_err(|reason| manifest_error(study, format!("raw_ratings: {reason}")))?;
         Ok(m)
+    }
+
+    /// The score of identical BRDFs, where the manifest states it.
+    pub fn stated_identical(&self) -> Option<Identical> {
+        let stated = self.identical.as_ref()?;
+        let scale = self.scale.of_ratings([]).ok()?;
+        Some(Identical { score: scale.grade(stated.score), basis: Basis::Declared { source: stated.source.clone() } })
     }
 
     /// The method called `name`, if the manifest lists it.
@@ -433,6 +469,26 @@ mod tests {
         assert_eq!(weight("teflon"), 1.0);
         assert!((weight("steel") - 0.3065).abs() < 1e-4);
         assert!(weight("steel") < weight("chrome") && weight("chrome") < weight("nickel"));
+    }
+
+    #[test]
+    fn a_study_states_its_scale_and_the_score_of_identical_brdfs() {
+        let stated = Manifest::embedded("lavoue2021-open").unwrap().rated;
+        assert_eq!(stated.scale, DeclaredScale::MOS);
+        // Section 5.4 of the paper, under Grace, as the ratings.
+        assert_eq!(stated.stated_identical().unwrap().score, 4.39);
+        let with = |line: &str| {
+            let text = LAVOUE2021.replacen("scale = {worst = 1, best = 5}", "", 1);
+            RatedManifest::parse("lavoue2021", &text.replacen("identical = {", &format!("{line}\n#"), 1))
+        };
+        let percent = with("scale = {worst = 0, best = 100}\nidentical = {score = 75, source = \"a paper\"}").unwrap();
+        assert_eq!(percent.stated_identical().unwrap().score, 4.0);
+        assert!(with("").unwrap().stated_identical().is_none());
+        let refused = |line: &str| with(line).unwrap_err().to_string();
+        assert!(refused("scale = \"jod\"").contains("scale is jod; it must have a worst end"));
+        assert!(
+            refused("identical = {score = 7, source = \"\"}").contains("score is 7; it must be 1 (very poor) to 5")
+        );
     }
 
     #[test]

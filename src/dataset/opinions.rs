@@ -3,10 +3,11 @@
 use super::manifest::{Manifest, NAMES};
 use super::raw_layout::RawLayout;
 use super::raw_ratings::RawRatings;
-use super::{Completeness, DatasetError, RatedPair, Study, StudyFile, published, synthetic};
+use super::{Completeness, DatasetError, DeclaredScale, RatedPair, Study, StudyFile, published, synthetic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// The method of a hidden reference: the reference shown as if it were an approximation.
 pub const REFERENCE: &str = "REFERENCE";
@@ -35,7 +36,7 @@ impl Stimulus {
     }
 }
 
-/// Scores, 1 (very poor) to 5 (excellent).
+/// Scores, on the study's scale.
 #[derive(Debug, Clone)]
 pub enum Scores {
     /// Mean opinion scores by stimulus.
@@ -53,6 +54,8 @@ pub struct StudyOpinions {
     pub synthetic: bool,
     /// How much of the study is at hand.
     pub completeness: Completeness,
+    /// The scale of the scores.
+    pub scale: RatingScale,
     /// The files that were read.
     pub files: Vec<StudyFile>,
     /// What was rated.
@@ -68,18 +71,36 @@ impl StudyOpinions {
     /// # Errors
     /// An unknown name, or a missing or malformed file.
     pub fn load(name_or_path: &str, data: Option<&Path>) -> Result<Self, DatasetError> {
+        Self::load_on(name_or_path, data, None)
+    }
+
+    /// As [`StudyOpinions::load`]; `scale` is that of a CSV file's ratings, as for [`Study::load_on`].
+    ///
+    /// # Errors
+    /// Those of [`StudyOpinions::load`]; a scale for a study that declares its own.
+    pub fn load_on(
+        name_or_path: &str,
+        data: Option<&Path>,
+        scale: Option<DeclaredScale>,
+    ) -> Result<Self, DatasetError> {
+        if scale.is_some()
+            && let Some(scale) = Study::own_scale(name_or_path)?
+        {
+            return Err(DatasetError::ScaleDeclared { study: name_or_path.into(), scale: scale.allowed() });
+        }
         if name_or_path == synthetic::NAME {
             return Ok(synthetic::sessions::simulate(&synthetic::generate(synthetic::SEED)?, synthetic::SEED).opinions);
         }
         if NAMES.contains(&name_or_path) {
             return published::opinions(&Manifest::embedded(name_or_path)?, data);
         }
-        let study = Study::load(name_or_path, data)?;
-        let (stimuli, means) = study.pairs.iter().map(|p| (of_pair(p), p.mos)).unzip();
+        let study = Study::load_on(name_or_path, data, scale)?;
+        let (stimuli, means) = study.pairs.iter().map(|p| (of_pair(p), study.scale.stated(p.mos))).unzip();
         Ok(Self {
             name: study.name,
             synthetic: study.synthetic,
             completeness: study.completeness,
+            scale: study.scale,
             files: study.files,
             stimuli,
             scores: Scores::Means(means),
@@ -89,7 +110,22 @@ impl StudyOpinions {
     /// Raw ratings alone, from a CSV file with the columns of [`RawLayout::default`], or from the `.toml` that maps
     /// other columns to these.
     pub fn load_raw(path: &Path) -> Result<Self, DatasetError> {
-        let (layout, csv) = RawLayout::of(path)?;
+        Self::load_raw_on(path, None)
+    }
+
+    /// As [`StudyOpinions::load_raw`]; `scale` is that of the scores where no `.toml` declares one.
+    ///
+    /// # Errors
+    /// Those of [`StudyOpinions::load_raw`]; a `.toml` that declares another scale.
+    pub fn load_raw_on(path: &Path, scale: Option<DeclaredScale>) -> Result<Self, DatasetError> {
+        let (mut layout, csv) = RawLayout::of(path)?;
+        if let (Some(declared), Some(given)) = (layout.scale, scale)
+            && declared != given
+        {
+            let reason = format!("it declares the scale {declared}, and --scale is {given}; they must be the same");
+            return Err(DatasetError::Unreadable { path: path.into(), reason });
+        }
+        layout.scale = layout.scale.or(scale);
         super::raw_ratings::load(&csv, &layout)
     }
 
@@ -116,12 +152,14 @@ impl StudyOpinions {
     }
 }
 
-/// The stimulus that a rated pair is.
+/// The stimulus that a rated pair is: a hidden reference where its candidate is the reference.
 pub(super) fn of_pair(pair: &RatedPair) -> Stimulus {
+    let hidden = pair.is_hidden_reference();
+    let named = |name: &String| if hidden { REFERENCE.to_owned() } else { name.clone() };
     Stimulus {
         material: pair.material.clone(),
-        method: pair.method.clone(),
-        method_family: pair.method_family.clone(),
+        method: named(&pair.method),
+        method_family: named(&pair.method_family),
         illumination: None,
         group: pair.group.clone(),
         material_type: pair.material_type.clone(),

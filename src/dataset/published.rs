@@ -4,7 +4,7 @@ use super::csv_table::MOST_BYTES;
 use super::manifest::{Manifest, PinnedFile, RatedManifest, RebuiltManifest};
 use super::opinions::{Scores, Stimulus, StudyOpinions};
 use super::ratings::{Rating, read_ratings, read_types};
-use super::{Completeness, DatasetError, RatedPair, Study, StudyFile, raw_ratings};
+use super::{Completeness, DatasetError, Identical, RatedPair, Study, StudyFile, raw_ratings};
 use std::cell::RefCell;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,6 +12,7 @@ use std::path::Path;
 use vernis_metric::brdf::formats::materials;
 use vernis_metric::brdf::{BrdfSource, ContentHash};
 use vernis_metric::io::read_at_most;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// Loads the rated pairs whose ratings and BRDFs are in `data`.
 pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetError> {
@@ -54,7 +55,26 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         return Err(no_pairs(manifest, data, ratings.len()));
     }
     let completeness = Completeness { found: pairs.len(), known: manifest.pairs() };
-    Ok(Study { name: manifest.name().into(), synthetic: false, completeness, files, pairs })
+    let scale = scale_of(rated)?;
+    let identical = match Identical::of_pairs(&pairs) {
+        Some(found) => Some(found),
+        None => raw_of(rated, data)?.and_then(|raw| Identical::of_raw(&raw)).or_else(|| rated.stated_identical()),
+    };
+    let identical = identical.unwrap_or_else(|| Identical::assumed(scale));
+    Ok(Study { name: manifest.name().into(), synthetic: false, completeness, scale, identical, files, pairs })
+}
+
+/// The scale of the means, which are given as shares of it.
+fn scale_of(rated: &RatedManifest) -> Result<RatingScale, DatasetError> {
+    let wrong = |reason| DatasetError::Manifest { study: rated.name.clone(), reason };
+    rated.scale.of_ratings([]).map_err(wrong)
+}
+
+/// Raw ratings, where the manifest names a file of them that is in `data`.
+fn raw_of(rated: &RatedManifest, data: &Path) -> Result<Option<StudyOpinions>, DatasetError> {
+    let Some(layout) = &rated.raw_ratings else { return Ok(None) };
+    let path = data.join(&layout.file);
+    if path.is_file() { raw_ratings::load(&path, layout).map(Some) } else { Ok(None) }
 }
 
 /// The ratings in `data`, whatever BRDFs are there: raw ones where the manifest names a file of them that is.
@@ -78,6 +98,7 @@ pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinion
     let ((ratings, ratings_file), (types, types_of)) = (read(file)?, read(types_file)?);
     let ratings = read_ratings(&data.join(file), &ratings, rated)?;
     let types = read_types(&data.join(types_file), &types, rated)?;
+    let scale = scale_of(rated)?;
     let used = |r: &&Rating| manifest.rebuilt.as_ref().is_none_or(|m| rebuilt_sources(m, r).is_some());
     let (stimuli, means): (Vec<Stimulus>, Vec<f64>) = ratings
         .iter()
@@ -91,7 +112,7 @@ pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinion
                 group: rated.group(&r.material),
                 material_type: types.get(&r.material).cloned(),
             };
-            (stimulus, r.mos)
+            (stimulus, scale.stated(r.mos))
         })
         .unzip();
     if stimuli.is_empty() {
@@ -101,14 +122,15 @@ pub fn opinions(manifest: &Manifest, data: Option<&Path>) -> Result<StudyOpinion
         name: manifest.name().into(),
         synthetic: false,
         completeness: Completeness { found: stimuli.len(), known: manifest.pairs() },
+        scale,
         files: vec![ratings_file, types_of],
         stimuli,
         scores: Scores::Means(means),
     };
-    match rated.raw_ratings.as_ref().map(|layout| (data.join(&layout.file), layout)) {
-        Some((path, layout)) if path.is_file() => Ok(opinions.with_raw(raw_ratings::load(&path, layout)?)),
-        _ => Ok(opinions),
-    }
+    Ok(match raw_of(rated, data)? {
+        Some(raw) => opinions.with_raw(raw),
+        None => opinions,
+    })
 }
 
 fn no_pairs(manifest: &Manifest, data: &Path, ratings: usize) -> DatasetError {

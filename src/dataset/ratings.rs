@@ -1,6 +1,6 @@
 //! The two files of ratings of Lavoue et al. 2021 (doi:10.1111/cgf.142636), semicolons between fields as published.
 //!
-//! * `PerceptualDistances.csv`: `"METHOD";"BRDF";"DISTANCE"`, one row a rated pair, MOS = 5 - 4 DISTANCE;
+//! * `PerceptualDistances.csv`: `"METHOD";"BRDF";"DISTANCE"`, one row a rated pair, grade = 5 - 4 DISTANCE;
 //! * `MaterialType.csv`: `BRDF;Type`, `Dielectric` or `Metal`.
 
 use super::DatasetError;
@@ -15,7 +15,7 @@ use std::path::Path;
 pub struct Rating {
     pub method: String,
     pub material: String,
-    /// Mean opinion score, 1 to 5.
+    /// Mean opinion score as a grade, 1 to 5.
     pub mos: f64,
 }
 

@@ -4,6 +4,7 @@
 //! file = "export.csv"          # beside the TOML file
 //! delimiter = ";"              # default: found by the names of the columns
 //! reference_method = "GROUND"  # the method of hidden references; default: REFERENCE
+//! scale = {worst = 0, best = 100}   # see [`super::scale`]; default: 1 (very poor) to 5 (excellent)
 //! [columns]                    # those that are not named keep their name; other columns of the file are ignored
 //! participant = "worker_id"
 //! score = "answer"
@@ -11,9 +12,9 @@
 //!
 //! The manifest of a study may have the same table, `[raw_ratings]`, with a file of the data folder.
 
-use super::DatasetError;
 use super::opinions::REFERENCE;
 use super::raw_ratings::{OPTIONAL, REQUIRED};
+use super::{DatasetError, DeclaredScale};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ use vernis_metric::io::read_at_most;
 const MOST_BYTES: u64 = 1 << 20;
 
 /// How a file of raw ratings is written.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawLayout {
     /// The CSV file, in the folder of whatever states the layout.
@@ -35,6 +36,8 @@ pub struct RawLayout {
     /// The method of hidden references, as the file names it.
     #[serde(default = "reference")]
     pub reference_method: String,
+    /// The scale of the scores, where it is declared.
+    pub scale: Option<DeclaredScale>,
     /// Names in the file of the columns of [`super::raw_ratings`], where they differ.
     #[serde(default)]
     pub columns: BTreeMap<String, String>,
@@ -58,6 +61,7 @@ impl Default for RawLayout {
             file: String::new(),
             delimiter: None,
             reference_method: reference(),
+            scale: None,
             columns: BTreeMap::new(),
             ignore_others: false,
         }

@@ -1,7 +1,7 @@
 //! Raw ratings in long form: a CSV file with one row a judgement.
 //!
 //! Columns, by name and in any order: `participant`, `material`, `method` (the two name the pair; `REFERENCE` is the
-//! reference shown as a candidate) and `score` (1 to 5); optional `illumination`, `seconds` (time to answer), `gold`
+//! reference shown as a candidate) and `score` (1 to 5, or on the scale that is declared); optional `illumination`, `seconds` (time to answer), `gold`
 //! (the expected score of a control question, empty for every other row), `group` and `material_type`.
 //! [`RawLayout`] maps other columns to these.
 
@@ -9,11 +9,13 @@ use super::csv_table::{CsvTable, Expected, MOST_BYTES, Others};
 use super::error::field;
 use super::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions};
 use super::raw_layout::RawLayout;
+use super::scale::{DeclaredScale, HOW_TO_DECLARE};
 use super::{Completeness, DatasetError, StudyFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use vernis_metric::brdf::ContentHash;
 use vernis_metric::io::read_at_most;
+use vernis_metric::math::rating_scale::RatingScale;
 
 pub(super) const REQUIRED: [&str; 4] = ["participant", "material", "method", "score"];
 pub(super) const OPTIONAL: [&str; 5] = ["illumination", "seconds", "gold", "group", "material_type"];
@@ -25,7 +27,7 @@ pub struct Judgement {
     pub participant: usize,
     /// Index of the stimulus.
     pub stimulus: usize,
-    /// 1 (very poor) to 5 (excellent).
+    /// On the scale of the ratings.
     pub score: f64,
     /// Time to answer.
     pub seconds: Option<f64>,
@@ -58,18 +60,22 @@ pub struct RawRatings {
 /// Loads the raw ratings in the file at `path`.
 ///
 /// # Errors
-/// A file that cannot be read, a missing, repeated or unknown column, a score outside 1 to 5, a judgement that is
+/// A file that cannot be read, a missing, repeated or unknown column, a score outside the scale, a judgement that is
 /// there twice, a material in two groups or of two types, no judgement, or a single participant.
 pub fn load(path: &Path, layout: &RawLayout) -> Result<StudyOpinions, DatasetError> {
     let unreadable = |e: std::io::Error| DatasetError::Unreadable { path: path.into(), reason: e.to_string() };
     let bytes = read_at_most(path, MOST_BYTES).map_err(unreadable)?;
     let (stimuli, raw) = parse(path, &bytes, layout)?;
+    let all = raw.judgements.iter().map(|j| j.score).chain(raw.gold.iter().flat_map(|g| [g.score, g.expected]));
+    let scale = layout.scale.unwrap_or(DeclaredScale::MOS).of_ratings(all);
+    let scale = scale.map_err(|reason| DatasetError::Unreadable { path: path.into(), reason })?;
     let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let file = StudyFile { name: file_name, content: ContentHash::of(&bytes), as_published: None };
     Ok(StudyOpinions {
         name: path.file_stem().map_or_else(|| "ratings".into(), |s| s.to_string_lossy().into_owned()),
         synthetic: false,
         completeness: Completeness { found: stimuli.len(), known: stimuli.len() },
+        scale,
         files: vec![file],
         stimuli,
         scores: Scores::Raw(raw),
@@ -135,6 +141,18 @@ struct Rows<'a> {
     judgements: Vec<Judgement>,
     gold: Vec<GoldAnswer>,
     seen: BTreeSet<(usize, usize)>,
+}
+
+impl RawRatings {
+    /// Every score of a panel that rated on `scale` as a grade, 1 (worst) to 5 (best).
+    #[must_use]
+    pub fn in_grades(mut self, scale: RatingScale) -> Self {
+        self.judgements.iter_mut().for_each(|j| j.score = scale.grade(j.score));
+        for answer in &mut self.gold {
+            (answer.score, answer.expected) = (scale.grade(answer.score), scale.grade(answer.expected));
+        }
+        self
+    }
 }
 
 impl<'a> Rows<'a> {
@@ -218,8 +236,12 @@ impl<'a> Rows<'a> {
     }
 
     fn score(&self, line: u64, name: &str, text: &str) -> Result<f64, DatasetError> {
-        let score = text.parse::<f64>().ok().filter(|s| (1.0..=5.0).contains(s));
-        score.ok_or_else(|| self.wrong(line, name, format!("`{text}`"), "1 (very poor) to 5 (excellent)".into()))
+        let (found, scale) = (text.parse::<f64>().ok(), self.layout.scale.unwrap_or(DeclaredScale::MOS));
+        found.filter(|&s| scale.contains(s)).ok_or_else(|| {
+            let undeclared = self.layout.scale.is_none() && found.is_some_and(f64::is_finite);
+            let how = if undeclared { format!("; {HOW_TO_DECLARE}") } else { String::new() };
+            self.wrong(line, name, format!("`{text}`"), format!("{}{how}", scale.allowed()))
+        })
     }
 
     fn wrong(&self, line: u64, name: &str, found: String, allowed: String) -> DatasetError {
@@ -296,6 +318,35 @@ mod tests {
                 .contains("e.csv, line 1: column `score` is missing; it must be given; the columns are worker, BRDF"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_layout_declares_the_scale() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+        write("r.csv", &format!("{HEAD}\np,m,A,40\nq,m,A,20\n"));
+        let read = |toml: &str, scale: Option<&str>| {
+            write("r.toml", &format!("file = \"r.csv\"\n{toml}\n"));
+            let scale = scale.map(|s| s.parse().unwrap());
+            StudyOpinions::load_raw_on(&dir.path().join("r.toml"), scale).map_err(|e| e.to_string())
+        };
+        for (toml, scale) in [
+            ("scale = {worst = 0, best = 100}", None),
+            ("scale = [0, 100]", None),
+            ("", Some("worst=0,best=100")),
+            ("scale = [0, 100]", Some("worst=0,best=100")),
+        ] {
+            assert_eq!(read(toml, scale).unwrap().scale, RatingScale::new(0.0, 100.0).unwrap(), "{toml}");
+        }
+        let message = read("", None).unwrap_err();
+        assert!(
+            message.contains("score is `40`; it must be 1 (very poor) to 5 (excellent); if the study uses another"),
+            "{message}"
+        );
+        assert!(message.contains("--scale worst=0,best=100"), "{message}");
+        let message = read("scale = [0, 100]", Some("dmos")).unwrap_err();
+        assert!(message.contains("r.toml: it declares the scale worst=0,best=100, and --scale is dmos"), "{message}");
+        assert!(read("scale = 100", None).unwrap_err().contains("such as {worst = 0, best = 100}"));
     }
 
     #[test]

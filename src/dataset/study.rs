@@ -1,10 +1,11 @@
 //! A study: pairs that people, or simulated observers, rated.
 
-use super::DatasetError;
+use super::{DatasetError, Identical};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use vernis_metric::brdf::{BrdfSource, ContentHash};
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// What a row belongs to.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +20,7 @@ pub struct Row {
     pub method_family: String,
     /// Dielectric or metal, where the study says.
     pub material_type: Option<String>,
-    /// Mean opinion score, 1 to 5.
+    /// Mean opinion score as a grade, 1 (worst) to 5 (best).
     pub mos: f64,
     /// Training weight, positive.
     pub weight: f64,
@@ -42,7 +43,7 @@ pub struct RatedPair {
     pub method_family: String,
     /// Such as `Dielectric` or `Metal`, where the study says.
     pub material_type: Option<String>,
-    /// Mean opinion score, 1 (very poor) to 5 (excellent).
+    /// Mean opinion score as a grade: 1 (worst) to 5 (best), whatever the study's scale ([`RatingScale::grade`]).
     pub mos: f64,
     /// Weight of the row in training, positive.
     pub weight: f64,
@@ -99,6 +100,10 @@ pub struct Study {
     pub synthetic: bool,
     /// How much of the study is at hand.
     pub completeness: Completeness,
+    /// The scale on which it was rated.
+    pub scale: RatingScale,
+    /// The score of identical BRDFs.
+    pub identical: Identical,
     /// Ratings and other small files that were read; empty for the embedded study.
     pub files: Vec<StudyFile>,
     /// The rated pairs that were found.
@@ -159,7 +164,8 @@ impl Study {
             return Err(DatasetError::TooFewGroups { study: study(), groups, folds });
         }
         if self.pairs.iter().all(|p| p.mos == first.mos) {
-            return Err(DatasetError::EqualRatings { study: study(), pairs: self.pairs.len(), mos: first.mos });
+            let mos = self.scale.stated(first.mos);
+            return Err(DatasetError::EqualRatings { study: study(), pairs: self.pairs.len(), mos });
         }
         Ok(())
     }
@@ -186,7 +192,15 @@ mod tests {
             })
             .collect();
         let completeness = Completeness { found: pairs.len(), known: pairs.len() };
-        Study { name: "test".into(), synthetic: false, completeness, files: Vec::new(), pairs }
+        Study {
+            name: "test".into(),
+            synthetic: false,
+            completeness,
+            scale: RatingScale::GRADES,
+            identical: Identical::default(),
+            files: Vec::new(),
+            pairs,
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod dependent;
 pub mod importance;
 pub mod protocol;
 pub mod records;
+mod scale;
 
 use crate::samples::SamplesError;
 use crate::samples::split::SplitError;

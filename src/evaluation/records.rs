@@ -5,8 +5,10 @@ use super::bootstrap::{Difference, Interval};
 use super::calibration::Calibration;
 use super::cross_validation::FoldRecord;
 use super::dependent::DependentCorrelations;
+use crate::dataset::Identical;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// What the judged rows had in common with those that the metric, or its map to MOS, was fitted on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -211,13 +213,13 @@ pub struct CurvePoint {
     pub method: String,
     /// The metric's distance, in its unit.
     pub distance: f64,
-    /// Mean opinion score as rated, 1 to 5.
+    /// Mean opinion score as rated.
     pub mos: f64,
     /// On the curve.
     pub mapped: f64,
 }
 
-/// How far one material's predictions are from its ratings, in MOS.
+/// How far one material's predictions are from its ratings, in points of the scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialResidual {
     /// Name of the material.
@@ -259,6 +261,12 @@ pub struct BenchmarkRecord {
     pub study: String,
     /// The ratings come from simulated observers.
     pub synthetic: bool,
+    /// The scale of every score, error and width here.
+    #[serde(default)]
+    pub scale: RatingScale,
+    /// The score of identical BRDFs; `None` in records of before it was estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identical: Option<Identical>,
     /// Rated pairs.
     pub rows: usize,
     /// Reference materials.

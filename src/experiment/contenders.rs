@@ -17,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use vernis_metric::descriptor::Column;
 use vernis_metric::descriptor::Family;
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::Metric;
 use vernis_metric::metric::kernel::FAMILY as ENERGY_FAMILY;
 use vernis_metric::metric::learned::exported::Interval;
@@ -43,7 +44,7 @@ const GRAPH_FAMILIES: [&str; 2] = [TRANSPORT_FAMILY, ENERGY_FAMILY];
 /// What a benchmark found, and what an export of its metric needs.
 pub struct StudyBenchmark {
     pub record: BenchmarkRecord,
-    /// Of the learned metric's scores.
+    /// Of the learned metric's scores, in grades.
     pub interval: Interval,
 }
 
@@ -132,6 +133,8 @@ pub fn run(
     let record = BenchmarkRecord {
         study: study.name.clone(),
         synthetic: study.synthetic,
+        scale: RatingScale::GRADES,
+        identical: Some(study.identical.clone()),
         rows: samples.len(),
         materials: materials.len(),
         groups: study.groups(),
@@ -155,7 +158,7 @@ pub fn run(
         predictions: bench.prediction_records(&headline),
         headline,
     };
-    Ok(StudyBenchmark { record, interval })
+    Ok(StudyBenchmark { record: record.on_scale(study.scale), interval })
 }
 
 /// The models beside the metric: trainer, kind, note.

@@ -12,7 +12,7 @@
 use super::ExperimentError;
 use super::contenders::{RunInfo, StudyBenchmark, protocol, run};
 use super::external::ExternalScores;
-use crate::dataset::{Study, manifest};
+use crate::dataset::{DeclaredScale, Study, manifest};
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::samples::Samples;
 use crate::samples::extracted::ExtractedStudy;
@@ -185,7 +185,7 @@ impl Measurement {
         let bank = TableBank::new(study, extraction.tables, &others, data, cache, &setup)?;
         let setup = setup.id().to_owned();
         let numbers = Numbers { study, samples: extraction.samples, setup, bank: Some(bank) };
-        let source = format!("--study {}", file_name(study));
+        let source = format!("--study {}{}", file_name(study), scale_option(study));
         Self::measure(numbers, options, purpose, &source, extraction.warnings, progress)
     }
 
@@ -274,6 +274,7 @@ impl Measurement {
         let export = Export {
             name: name.unwrap_or(&default),
             metric_version: recipe::METRIC_VERSION,
+            scale: self.study.scale,
             descriptors: Descriptors { setup: self.setup.clone(), set: DescriptorSet::extended() },
             interval: self.bench.interval,
             provenance: provenance(&self.study, record.rows, record.materials, self.seed, command, reached(record)),
@@ -350,6 +351,11 @@ fn unrated(data: Option<&Path>) -> Result<Vec<BrdfSource>, ExperimentError> {
 
 fn file_name(study: &Study) -> String {
     Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The option that declares the scale of a file's ratings, where they are not 1 to 5.
+fn scale_option(study: &Study) -> String {
+    if study.scale.is_grades() { String::new() } else { format!(" --scale {}", DeclaredScale::of_scale(study.scale)) }
 }
 
 /// What to type for the same bytes: without folders, which do not matter.

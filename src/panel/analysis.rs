@@ -13,6 +13,7 @@ use crate::dataset::opinions::{Scores, StudyOpinions};
 use crate::dataset::raw_ratings::RawRatings;
 use std::collections::BTreeSet;
 use vernis_metric::io::counted;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// What is asked of [`describe`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,15 +57,16 @@ impl Notes {
 pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord, StudyError> {
     let mut notes = Notes::default();
     let panel = match &study.scores {
-        Scores::Raw(raw) => Some(Kept::of(raw, study.stimuli.len(), options)?),
+        Scores::Raw(raw) => Some(Kept::of(&raw.clone().in_grades(study.scale), study.stimuli.len(), options)?),
         Scores::Means(_) => None,
     };
     let (opinions, spread) = match (&study.scores, &panel) {
+        (Scores::Means(means), _) if study.scale.is_open() => (alone(study, means), Spread::Unknown),
         (Scores::Means(means), _) => (assumed(study, means), ASSUMED),
         (Scores::Raw(_), Some(kept)) => (kept.opinions(study), Spread::Scores),
         (Scores::Raw(_), None) => (Vec::new(), Spread::Scores),
     };
-    let comparison = Comparison::new(&opinions, spread == Spread::Scores, options, &mut notes);
+    let comparison = Comparison::new(&opinions, study.scale, spread == Spread::Scores, options, &mut notes);
     let distinct = |of: &dyn Fn(&RatedStimulus) -> String| opinions.iter().map(of).collect::<BTreeSet<_>>().len();
     let materials = distinct(&|o| o.stimulus.material.clone());
     let methods = distinct(&|o| o.stimulus.method.clone());
@@ -75,10 +77,11 @@ pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord,
         version: env!("CARGO_PKG_VERSION").into(),
         data: study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).collect(),
         synthetic: study.synthetic,
+        scale: study.scale,
         found: study.completeness.found,
         known: study.completeness.known,
         seed: options.seed,
-        intervals: intervals(spread, &opinions),
+        intervals: intervals(spread, study.scale, &opinions),
         spread,
         materials,
         methods,
@@ -109,14 +112,18 @@ pub fn describe(study: &StudyOpinions, options: &Options) -> Result<StudyRecord,
 const ASSUMED: Spread = Spread::NoiseModel { a: sos::ASSUMED_A, raters: sos::ASSUMED_RATERS };
 
 /// How the intervals of single means are computed, in words.
-fn intervals(spread: Spread, opinions: &[RatedStimulus]) -> String {
+fn intervals(spread: Spread, scale: RatingScale, opinions: &[RatedStimulus]) -> String {
     let equal = opinions.iter().filter(|o| o.opinion.is_unanimous()).count();
     match spread {
         Spread::NoiseModel { a, raters } => format!(
-            "ASSUMED, because the study gives only means: variance {a} (-x^2 + 6x - 5), {} per stimulus; on each side the wider of \
+            "ASSUMED, because the study gives only means: variance {a} ({}), {} per stimulus; on each side the wider of \
              Student's t and Wilson's interval, which has a width at the ends of the scale too",
+            sos::formula(scale),
             counted(raters, "rater")
         ),
+        Spread::Unknown => {
+            "The study gives only means, on a scale without a worst end: no spread is assumed.".to_owned()
+        }
         Spread::Scores if equal > 0 => format!(
             "Student's t of the scores of each stimulus; Wilson's interval, with the variance of a binomial score, for {} whose scores \
              are all equal",
@@ -127,9 +134,18 @@ fn intervals(spread: Spread, opinions: &[RatedStimulus]) -> String {
 }
 
 fn assumed(study: &StudyOpinions, means: &[f64]) -> Vec<RatedStimulus> {
-    let opinion = |&mos: &f64| Opinion::of_mean(mos, sos::ASSUMED_A, sos::ASSUMED_RATERS);
+    let scale = study.scale;
+    let of_grade = |grade: f64| Opinion::of_mean(grade, sos::ASSUMED_A, sos::ASSUMED_RATERS).on_scale(scale);
+    // The mean itself stays as it was given.
+    let opinion = |&mos: &f64| Opinion { mos, ..of_grade(scale.grade(mos)) };
     let rated = study.stimuli.iter().zip(means);
     rated.map(|(s, mos)| RatedStimulus { stimulus: s.clone(), opinion: opinion(mos) }).collect()
+}
+
+/// Means of whose spread nothing can be said.
+fn alone(study: &StudyOpinions, means: &[f64]) -> Vec<RatedStimulus> {
+    let rated = study.stimuli.iter().zip(means);
+    rated.map(|(s, mos)| RatedStimulus { stimulus: s.clone(), opinion: Opinion::of_mean_alone(*mos) }).collect()
 }
 
 /// Agreement of the panel with itself, or what is expected of it.
@@ -142,8 +158,11 @@ fn reliability(
     notes: &mut Notes,
 ) {
     let Some(kept) = panel else {
-        let means: Vec<f64> = opinions.iter().map(|o| o.opinion.mos).collect();
-        let found = expected(&means, sos::ASSUMED_A, sos::ASSUMED_RATERS);
+        let means: Vec<f64> = opinions.iter().map(|o| study.scale.grade(o.opinion.mos)).collect();
+        let found = match record.spread {
+            Spread::Unknown => Err(StudyError::OpenScale),
+            _ => expected(&means, sos::ASSUMED_A, sos::ASSUMED_RATERS),
+        };
         record.expected_reliability = notes.keep("expected reliability", found);
         for what in ["rater screening", "split-half agreement", "intra-class correlations"] {
             notes.keep::<()>(what, Err(StudyError::NoRawScores));
@@ -161,7 +180,7 @@ struct Kept {
     panel: Panel,
     /// Who is left, and how much each judged.
     names: Vec<(String, usize)>,
-    /// By stimulus, in the order of `names` as far as they rated it.
+    /// Grades by stimulus, in the order of `names` as far as they rated it.
     scores: Vec<Vec<f64>>,
 }
 
@@ -198,7 +217,10 @@ impl Kept {
     fn opinions(&self, study: &StudyOpinions) -> Vec<RatedStimulus> {
         let rated = study.stimuli.iter().zip(&self.scores);
         rated
-            .filter_map(|(s, scores)| Some(RatedStimulus { stimulus: s.clone(), opinion: Opinion::of_scores(scores)? }))
+            .filter_map(|(s, scores)| {
+                let opinion = Opinion::of_scores(scores)?.on_scale(study.scale);
+                Some(RatedStimulus { stimulus: s.clone(), opinion })
+            })
             .collect()
     }
 
@@ -213,9 +235,13 @@ impl Kept {
     }
 }
 
-/// Mean opinion scores and sample variances of what has at least two scores.
-pub(super) fn means_and_variances<'a>(opinions: impl Iterator<Item = &'a Opinion>) -> (Vec<f64>, Vec<f64>) {
-    opinions.filter_map(|o| Some((o.mos, o.deviation?.powi(2)))).unzip()
+/// Mean opinion scores and sample variances, in grades, of what has at least two scores on `scale`.
+pub(super) fn means_and_variances<'a>(
+    opinions: impl Iterator<Item = &'a Opinion>,
+    scale: RatingScale,
+) -> (Vec<f64>, Vec<f64>) {
+    let grades = |deviation: f64| if scale.is_grades() { deviation } else { deviation / scale.unit().abs() };
+    opinions.filter_map(|o| Some((scale.grade(o.mos), grades(o.deviation?).powi(2)))).unzip()
 }
 
 /// Mean of a list that has some value.

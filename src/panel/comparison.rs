@@ -15,6 +15,7 @@ use super::t_test::{TTest, paired, welch};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::math::correlation::{Ranking, pearson, pearson_counted, spearman, spearman_counted};
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::math::resampling::{self, Resamples, rows_by_name};
 
 const TYPE: &str = "material type";
@@ -34,6 +35,7 @@ pub const BY_MODEL_AND_TYPE: &str = "By model and material type, the better of s
 pub(super) struct Comparison<'a> {
     opinions: &'a [RatedStimulus],
     mos: Vec<f64>,
+    scale: RatingScale,
     /// Standard deviations come from scores, not from a model.
     measured: bool,
     /// Most stimuli first.
@@ -45,7 +47,13 @@ pub(super) struct Comparison<'a> {
 }
 
 impl<'a> Comparison<'a> {
-    pub fn new(opinions: &'a [RatedStimulus], measured: bool, options: &Options, notes: &mut Notes) -> Self {
+    pub fn new(
+        opinions: &'a [RatedStimulus],
+        scale: RatingScale,
+        measured: bool,
+        options: &Options,
+        notes: &mut Notes,
+    ) -> Self {
         let mut numbers: BTreeMap<&str, usize> = BTreeMap::new();
         for o in opinions {
             if let Some(illumination) = &o.stimulus.illumination {
@@ -61,7 +69,7 @@ impl<'a> Comparison<'a> {
         let drawn = Resamples::draw(&groups, options.resamples, options.seed, "study-bootstrap");
         let resamples = notes.keep("intervals by material", drawn.map_err(StudyError::from));
         let mos = opinions.iter().map(|o| o.opinion.mos).collect();
-        Self { opinions, mos, measured, illuminations, approximations, references, resamples }
+        Self { opinions, mos, scale, measured, illuminations, approximations, references, resamples }
     }
 
     pub fn illuminations(&self) -> Vec<String> {
@@ -73,9 +81,13 @@ impl<'a> Comparison<'a> {
         if !self.measured {
             return Err(StudyError::NoRawScores);
         }
+        if self.scale.is_open() {
+            return Err(StudyError::OpenScale);
+        }
         let rows: Vec<usize> = (0..self.mos.len()).filter(|&r| self.opinions[r].opinion.deviation.is_some()).collect();
-        let (means, variances) = means_and_variances(rows.iter().map(|&r| &self.opinions[r].opinion));
+        let (means, variances) = means_and_variances(rows.iter().map(|&r| &self.opinions[r].opinion), self.scale);
         let mut fit = sos::fit(&means, &variances)?;
+        fit.rmse = self.scale.width(fit.rmse);
         fit.interval = self.resamples.as_ref().and_then(|resamples| {
             resamples
                 .interval(|counts| sos::slope(&means, &variances, &rows.iter().map(|&r| counts[r]).collect::<Vec<_>>()))

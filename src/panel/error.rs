@@ -20,6 +20,8 @@ pub enum StudyError {
     OneLevel { factor: String, found: usize },
     #[error("only mean scores are given; raw scores (participant, material, method, score) are needed")]
     NoRawScores,
+    #[error("the scale has no worst end, so that nothing is known of how the spread of scores falls towards it")]
+    OpenScale,
     #[error("the number of {what} is {found}; it must be {allowed}")]
     Levels { what: &'static str, found: String, allowed: &'static str },
     #[error(

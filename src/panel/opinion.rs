@@ -2,7 +2,7 @@
 //!
 //!   MOS_s = sum_i r_s^i / n_s,   interval MOS_s +- t_.975(n_s - 1) d_s / sqrt(n_s)
 //!
-//! r_s^i: score of participant i for stimulus s, 1 to 5; n_s: participants who rated it; d_s: sample standard
+//! r_s^i: score of participant i for stimulus s, a grade from 1 to 5; n_s: participants who rated it; d_s: sample standard
 //! deviation of their scores. Source: equation 1 of Lavoue et al. 2021 (doi:10.1111/cgf.142636), which leaves the
 //! interval's form open; Student's t is exact for normal scores. Intervals are not clipped to the scale.
 //! Where a study has means alone, d_s^2 = a (-x^2 + 6x - 5) at x = MOS_s stands in, the SOS hypothesis (see
@@ -25,6 +25,7 @@ use super::moments::{Moments, negligible};
 use super::sos;
 use serde::{Deserialize, Serialize};
 use vernis_metric::math::quantile::Interval;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// The SOS parameter of scores that are a binomial number of four trials, plus 1.
 const BINOMIAL_A: f64 = 0.25;
@@ -36,7 +37,7 @@ const Z_975: f64 = 1.959963984540054;
 pub struct Opinion {
     /// Participants, or how many are assumed.
     pub raters: usize,
-    /// 1 to 5.
+    /// A grade, 1 to 5; in a record, on the study's scale.
     pub mos: f64,
     /// Standard deviation of the scores, found or assumed; `None` for one score.
     pub deviation: Option<f64>,
@@ -72,6 +73,25 @@ impl Opinion {
         Self { raters, mos, deviation, interval: half.map(|h| Interval { low: mos - h, high: mos + h }) }
     }
 
+    /// A mean alone, of which nothing else is known.
+    pub fn of_mean_alone(mos: f64) -> Self {
+        Self { raters: 0, mos, deviation: None, interval: None }
+    }
+
+    /// An opinion in grades as one on `scale`.
+    #[must_use]
+    pub fn on_scale(self, scale: RatingScale) -> Self {
+        if scale.is_grades() {
+            return self;
+        }
+        let interval = self.interval.map(|i| {
+            let [a, b] = [i.low, i.high].map(|end| scale.score(end));
+            Interval { low: a.min(b), high: a.max(b) }
+        });
+        let (mos, deviation) = (scale.stated(self.mos), self.deviation.map(|d| scale.width(d)));
+        Self { mos, deviation, interval, ..self }
+    }
+
     /// Width of the interval.
     pub fn width(&self) -> Option<f64> {
         self.interval.map(|i| i.high - i.low)
@@ -105,6 +125,21 @@ mod tests {
             (interval.low - 2.8846361326405243).abs() < 1e-9 && (interval.high - 4.615363867359475).abs() < 1e-9,
             "{interval:?}"
         );
+    }
+
+    #[test]
+    fn an_opinion_is_told_on_the_scale_of_the_study() {
+        let grades = Opinion::of_scores(&[4.0, 5.0, 3.0, 2.0]).unwrap();
+        for (worst, best) in [(0.0, 100.0), (100.0, 0.0)] {
+            let scale = RatingScale::new(worst, best).unwrap();
+            let scores = [4.0, 5.0, 3.0, 2.0].map(|g| scale.score(g));
+            let direct = Opinion::of_scores(&scores).unwrap();
+            let found = grades.on_scale(scale);
+            let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+            assert!(near(found.mos, direct.mos) && near(found.deviation.unwrap(), direct.deviation.unwrap()));
+            let [found, direct] = [found, direct].map(|o| o.interval.unwrap());
+            assert!(near(found.low, direct.low) && near(found.high, direct.high), "{found:?} {direct:?}");
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::dataset::opinions::Stimulus;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use vernis_metric::math::quantile::Interval;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// The statistics of a study. What the study does not allow is `None` and named in `missing`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +28,9 @@ pub struct StudyRecord {
     pub data: BTreeMap<String, String>,
     /// Ratings come from simulated observers and say nothing about people.
     pub synthetic: bool,
+    /// The scale of every score here.
+    #[serde(default)]
+    pub scale: RatingScale,
     /// Rated stimuli that were found, and those of the whole study.
     pub found: usize,
     /// Rated stimuli of the whole study.
@@ -86,7 +90,9 @@ pub struct StudyRecord {
 pub enum Spread {
     /// The scores themselves.
     Scores,
-    /// Assumed: variance a (-x^2 + 6x - 5) and a number of raters.
+    /// Unknown: means alone, on a scale without a worst end.
+    Unknown,
+    /// Assumed: variance a (x - 1)(5 - x), x in grades, and a number of raters.
     NoiseModel {
         /// From 0 (everybody agrees) to 1 (only ends of the scale are used).
         a: f64,
@@ -174,7 +180,7 @@ pub struct IlluminationComparison {
 /// Models pair by pair, each with the better of its fits, on the materials that both were fitted to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModelComparison {
-    /// Names of the models, the highest mean first.
+    /// Names of the models, the best mean first.
     pub models: Vec<String>,
     /// Which models take no part, and why.
     pub left_out: Option<String>,
@@ -229,9 +235,9 @@ pub struct BoxSet {
 pub struct NamedBox {
     /// One a factor.
     pub levels: Vec<String>,
-    /// Box plot of the mean opinion scores, 1 to 5.
+    /// Box plot of the mean opinion scores.
     pub mos: BoxPlot,
-    /// Mean of the mean opinion scores, 1 to 5.
+    /// Mean of the mean opinion scores.
     pub mean: f64,
     /// 95 % of the mean, by bootstrap of materials.
     pub mean_interval: Option<Interval>,

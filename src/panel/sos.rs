@@ -2,7 +2,7 @@
 //!
 //!   v_s = a (-x_s^2 + 6 x_s - 5) = a (x_s - 1)(5 - x_s),   a = sum v g / sum g^2
 //!
-//! x_s: MOS of stimulus s, 1 to 5; v_s: sample variance of its scores; g = (x - 1)(5 - x); a from 0 (everybody
+//! x_s: MOS of stimulus s, a grade from 1 to 5 (on another scale a is the same, for both sides carry its unit squared); v_s: sample variance of its scores; g = (x - 1)(5 - x); a from 0 (everybody
 //! agrees) to 1 (only ends of the scale are used), by least squares through the origin. Source: Hossfeld, Schatz &
 //! Egger 2011 (doi:10.1109/QoMEX.2011.6065690), equations 3 and 4. The noise of x_s biases a by about -a^2/n (n
 //! scores a stimulus), which is left as it is. Cost: linear.
@@ -10,6 +10,7 @@
 use super::error::{StudyError, at_least};
 use serde::{Deserialize, Serialize};
 use vernis_metric::math::quantile::Interval;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// The `a` that reproduces the published split-half agreement of Lavoue et al. 2021; stands in where a study has no
 /// raw scores.
@@ -29,7 +30,7 @@ pub struct SosFit {
     pub a: f64,
     /// 95 %, by bootstrap of materials.
     pub interval: Option<Interval>,
-    /// Root mean square difference between found and fitted standard deviations, in grades.
+    /// Root mean square difference between found and fitted standard deviations; in a record, on the study's scale.
     pub rmse: f64,
     /// Number of stimuli.
     pub stimuli: usize,
@@ -54,6 +55,11 @@ pub fn fit(means: &[f64], variances: &[f64]) -> Result<SosFit, StudyError> {
     let error = |(&x, &v): (&f64, &f64)| (v.sqrt() - (a * parabola(x)).sqrt()).powi(2);
     let rmse = (means.iter().zip(variances).map(error).sum::<f64>() / means.len() as f64).sqrt();
     Ok(SosFit { a, interval: None, rmse, stimuli: means.len() })
+}
+
+/// Such as `-x^2 + 6x - 5`: what the variance of scores with mean x is a part of, written so that it stands in parentheses.
+pub fn formula(scale: RatingScale) -> String {
+    if scale.is_grades() { "-x^2 + 6x - 5".to_owned() } else { format!("x - {})({} - x", scale.low(), scale.high()) }
 }
 
 #[cfg(test)]

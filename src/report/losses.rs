@@ -48,6 +48,11 @@ pub fn text(record: &LossesRecord) -> String {
 }
 
 fn introduction(record: &LossesRecord) -> String {
+    // Every study is learned from in grades; who rated on another scale must know.
+    let grades = match record.scale {
+        scale if scale.is_grades() => String::new(),
+        scale => format!("\nThe study's scale, {scale}, is mapped to 1 (worst) to 5 (best) here.\n"),
+    };
     format!(
         "{}, one of each group of sisters, were fitted with {} under {}; {} judged each fit.\n\n\
          Each number is the change of the judge's distance against the baseline in per cent, 200 (a - b)/(a + b); less is \
@@ -59,7 +64,7 @@ fn introduction(record: &LossesRecord) -> String {
         counted(record.searches.len(), "loss"),
         counted(record.judges.len(), "metric"),
         counted(record.resamples, "resample"),
-    )
+    ) + &grades
 }
 
 /// In plain words: what each loss is worth against each baseline, and whether blending helps.

@@ -93,7 +93,7 @@ pub fn write_benchmark(
     };
     let body = html! {
         (page::benchmark::body(record, &figures))
-        (page::materials::section(materials, OPEN_MATERIALS, light))
+        (page::materials::section(materials, OPEN_MATERIALS, light, record.scale))
         (page::files(&names))
     };
     folder.write("report.html", page::document(&head, &page::benchmark::headline(record), &body).as_bytes())
@@ -152,7 +152,7 @@ pub fn write_whole(folder: &OutputFolder, whole: &Whole<'_>) -> Result<PathBuf, 
         (judged.1)
         h2 { "Ratings" }
         (page::study::body(whole.study, &of_ratings, &missing))
-        (page::materials::section(whole.materials, OPEN_MATERIALS, whole.light))
+        (page::materials::section(whole.materials, OPEN_MATERIALS, whole.light, whole.study.scale))
         (page::files(&names))
     };
     folder.write("report.html", page::document(&head, &judged.0, &body).as_bytes())

@@ -59,10 +59,12 @@ pub fn of_study(
             let prediction = benchmark.and_then(|b| {
                 let subject = b.headline.first()?;
                 let row = b.predictions.iter().find(|p| p.material == pair.material && p.method == pair.method)?;
-                row.predicted.get(subject).copied()
+                // Both are told on the scale of the study.
+                let score = row.predicted.get(subject).copied()?;
+                Some(if b.scale == study.scale { score } else { study.scale.score(b.scale.grade(score)) })
             });
             let (method, picture) = (pair.method.clone(), shown(&pair.candidate)?);
-            Ok(Candidate { method, picture, mos: pair.mos, predicted: prediction })
+            Ok(Candidate { method, picture, mos: study.scale.stated(pair.mos), predicted: prediction })
         };
         let of_material = &pairs[*name];
         Ok(Material {

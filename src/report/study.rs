@@ -7,12 +7,14 @@ use crate::panel::anova::Anova;
 use crate::panel::intraclass::Intraclass;
 use crate::panel::parameters::OF_STUDY;
 use crate::panel::record::{
-    BoxSet, IlluminationComparison, ManifoldCorrelation, ModelComparison, Panel, StudyRecord, TypeComparison,
+    BoxSet, IlluminationComparison, ManifoldCorrelation, ModelComparison, Panel, Spread, StudyRecord, TypeComparison,
 };
 use crate::panel::screening::{Criterion, GOLD_ACCURACY, GOLD_TOLERANCE, LEAST_SECONDS};
+use crate::panel::sos;
 use crate::panel::t_test::TTest;
 use vernis_metric::io::counted;
 use vernis_metric::math::quantile::Interval;
+use vernis_metric::math::rating_scale::RatingScale;
 
 const SYNTHETIC: &str =
     "SYNTHETIC observers: these ratings were simulated by a program. Nothing here says how people see.";
@@ -65,7 +67,7 @@ pub(super) fn blocks(record: &StudyRecord) -> Vec<Block> {
     }
     blocks.push(Block::Text(what_was_rated(record)));
     if let Some(panel) = &record.panel {
-        blocks.extend([Block::Heading("Raters"), Block::Text(raters(panel))]);
+        blocks.extend([Block::Heading("Raters"), Block::Text(raters(panel, record.scale))]);
     }
     blocks.push(Block::Heading("Mean opinion scores"));
     blocks.push(Block::Text(spread(record)));
@@ -117,14 +119,22 @@ fn what_was_rated(record: &StudyRecord) -> String {
     )
 }
 
-fn raters(panel: &Panel) -> String {
+/// Of a right answer to a control question.
+fn tolerance(scale: RatingScale) -> String {
+    if scale.is_grades() {
+        return format!("{GOLD_TOLERANCE} grade");
+    }
+    format!("{} points", scale.show(scale.width(GOLD_TOLERANCE)))
+}
+
+fn raters(panel: &Panel, scale: RatingScale) -> String {
     let each = |what: &str, m: Option<crate::panel::moments::MeanAndDeviation>| {
         m.map_or(String::new(), |m| format!(" {what}: {:.1} on average (SD {:.1}).", m.mean, m.deviation))
     };
     let criteria = [
         (
             Criterion::Gold,
-            format!("fewer than {:.0} % of control questions within {GOLD_TOLERANCE} grade", 100.0 * GOLD_ACCURACY),
+            format!("fewer than {:.0} % of control questions within {}", 100.0 * GOLD_ACCURACY, tolerance(scale)),
         ),
         (Criterion::Time, format!("less than {LEAST_SECONDS} s per answer")),
         (Criterion::Outlier, "outliers of ITU-R BT.500-13, annex 2, 2.3.1".to_owned()),
@@ -149,8 +159,19 @@ fn raters(panel: &Panel) -> String {
 fn spread(record: &StudyRecord) -> String {
     let widths: Vec<f64> = record.opinions.iter().filter_map(|o| o.opinion.width()).collect();
     let half = 0.5 * widths.iter().sum::<f64>() / widths.len().max(1) as f64;
+    let scale = record.scale;
+    let ends = match scale {
+        scale if scale.is_grades() => "1 is very poor, 5 excellent.".to_owned(),
+        scale if scale.is_open() => {
+            format!("{} is best; the scale has no worst end, and its ratings reach {}.", scale.best(), scale.worst())
+        }
+        scale => format!("{} is worst, {} best.", scale.worst(), scale.best()),
+    };
     let how = &record.intervals;
-    format!("1 is very poor, 5 excellent. 95 % intervals of single means are +-{half:.2} on average ({how}).")
+    match record.spread {
+        Spread::Unknown => format!("{ends} {how}"),
+        _ => format!("{ends} 95 % intervals of single means are +-{half:.2} on average ({how})."),
+    }
 }
 
 fn extremes(record: &StudyRecord) -> Table {
@@ -204,9 +225,10 @@ fn agreement(record: &StudyRecord) -> Vec<Block> {
     }
     if let Some(s) = &record.sos {
         blocks.push(Block::Text(format!(
-            "SOS: variance of the scores = {:.3} {} (-x^2 + 6x - 5), root mean square error of the SD {:.2}.",
+            "SOS: variance of the scores = {:.3} {} ({}), root mean square error of the SD {:.2}.",
             s.a,
             interval(s.interval),
+            sos::formula(record.scale),
             s.rmse
         )));
     }
@@ -314,7 +336,7 @@ fn pairwise(found: &ModelComparison) -> Vec<Block> {
         with_first.map(|pair| pair.holm_p).fold(None, |most: Option<f64>, p| Some(most.map_or(p, |m| m.max(p))));
     let left_out = found.left_out.as_ref().map_or(String::new(), |words| format!(" {words}."));
     let mut blocks = vec![Block::Text(format!(
-        "Of {}, {first} has the highest mean{}. Of several fits of a model to a material the better one counts.{left_out}",
+        "Of {}, {first} has the best mean{}. Of several fits of a model to a material the better one counts.{left_out}",
         counted(found.models.len(), "model"),
         largest.map_or(String::new(), |p| format!(", p at most {} against each other one", probability(p)))
     ))];

@@ -212,18 +212,20 @@ pub fn learning_curve(record: &BenchmarkRecord) -> Table {
 
 /// The `most` materials with the largest errors.
 pub fn residuals(record: &BenchmarkRecord, most: usize) -> Table {
+    let on = if record.scale.is_grades() { String::new() } else { format!(" ({})", record.scale) };
+    let digits = record.scale.decimals();
     let mut table = Table::new(
-        format!("Materials with the largest errors of {}, predicted minus rated, in MOS", subject(record)),
+        format!("Materials with the largest errors of {}, predicted minus rated, in MOS{on}", subject(record)),
         &["material", "rows", "root mean square", "mean", "worst method", "its error"],
     );
     for found in record.residuals.iter().take(most) {
         table.rows.push(vec![
             found.material.clone(),
             found.rows.to_string(),
-            format!("{:.2}", found.rms),
-            format!("{:+.2}", found.bias),
+            format!("{:.digits$}", found.rms),
+            format!("{:+.digits$}", found.bias),
             found.worst_method.clone(),
-            format!("{:+.2}", found.worst_error),
+            format!("{:+.digits$}", found.worst_error),
         ]);
     }
     table

@@ -2,14 +2,14 @@
 //!
 //! One row a rated pair: its `place` in the study, what it belongs to, its score, where its BRDFs came from and the SHA-256 of
 //! their contents, then a column a descriptor or distance, and the same again with reference and candidate exchanged, under
-//! the name followed by `~exchanged`. The metadata hold a header in JSON under the key `vernis`. A file holds a whole study or
+//! the name followed by `~exchanged`. Scores are grades, 1 to 5, and the header holds the scale of the study. The metadata hold a header in JSON under the key `vernis`. A file holds a whole study or
 //! one [`Shard`] of it; [`ExtractedStudy::merge`] joins shards.
 
 use super::Samples;
 use super::parquet::{self, Values};
 use super::shard::Shard;
 use crate::dataset::Row;
-use crate::dataset::{Completeness, DatasetError, RatedPair, Study, StudyFile};
+use crate::dataset::{Completeness, DatasetError, Identical, RatedPair, Study, StudyFile};
 use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,6 +18,7 @@ use std::sync::Arc;
 use vernis_metric::brdf::{BrdfSource, ContentHash};
 use vernis_metric::descriptor::Column;
 use vernis_metric::descriptor::{DescriptorSet, SetupId};
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::{Metric, kernel, lp, transport};
 
 /// Of the layout of the file; older ones keep being read.
@@ -55,6 +56,12 @@ struct Header {
     /// Pairs at hand in the whole study, and pairs that it has.
     pairs: usize,
     known: usize,
+    /// Of the ratings, whose scores here are grades; absent for 1 to 5.
+    #[serde(default, skip_serializing_if = "RatingScale::is_grades")]
+    scale: RatingScale,
+    /// The score of identical BRDFs, a grade.
+    #[serde(default)]
+    identical: Identical,
     files: Vec<File>,
     /// What decides the numbers.
     versions: Versions,
@@ -177,6 +184,8 @@ impl ExtractedStudy {
             synthetic: self.study.synthetic,
             pairs: self.whole,
             known: self.study.completeness.known,
+            scale: self.study.scale,
+            identical: self.study.identical.clone(),
             files: self.study.files.iter().map(file).collect(),
             versions: self.versions.clone(),
             columns: self.samples.columns().to_vec(),
@@ -241,7 +250,8 @@ impl ExtractedStudy {
         };
         let samples = Samples::new(header.columns.clone(), pairs.iter().map(RatedPair::row).collect(), values)
             .and_then(|samples| samples.with_swapped(exchanged))
-            .map_err(of_rows)?;
+            .map_err(of_rows)?
+            .with_identical(header.identical.clone(), header.scale);
         let distinct: BTreeSet<usize> = places.iter().copied().filter(|&place| place < header.pairs).collect();
         if distinct.len() != rows || (header.shard == Shard::WHOLE && rows != header.pairs) {
             let found = format!("has {rows} rows at {} places of {}", distinct.len(), header.pairs);
@@ -254,6 +264,8 @@ impl ExtractedStudy {
             name: header.study,
             synthetic: header.synthetic,
             completeness: Completeness { found: header.pairs, known: header.known },
+            scale: header.scale,
+            identical: header.identical,
             files: header.files.iter().map(file).collect::<Result<_, DatasetError>>()?,
             pairs,
         };
@@ -374,7 +386,8 @@ impl ExtractedStudy {
         let rows: Vec<Row> = pairs.iter().map(RatedPair::row).collect();
         let samples = Samples::new(first.samples.columns().to_vec(), rows, values)
             .and_then(|samples| samples.with_swapped(exchanged))
-            .map_err(|e| refused(e.to_string()))?;
+            .map_err(|e| refused(e.to_string()))?
+            .with_identical(first.study.identical.clone(), first.study.scale);
         Ok(Self {
             study: Study { pairs, ..first.study.clone() },
             samples,
@@ -417,7 +430,8 @@ impl Header {
         [
             ("study", self.study != other.study || self.synthetic != other.synthetic),
             ("number of pairs", self.pairs != other.pairs || self.known != other.known),
-            ("set of ratings", self.files != other.files),
+            ("set of ratings", self.files != other.files || self.identical != other.identical),
+            ("scale", self.scale != other.scale),
             ("version of the numbers", self.versions != other.versions),
             ("set of columns", self.columns != other.columns),
         ]

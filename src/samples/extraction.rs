@@ -131,7 +131,7 @@ impl Extractor<'_> {
                 .map_err(|_| ExtractionError::Incomplete { found, expected: shape.0 * shape.1 })
         };
         let samples = Samples::new(columns, study.pairs.iter().map(RatedPair::row).collect(), matrix(values)?)?;
-        let samples = samples.with_swapped(matrix(swapped)?)?;
+        let samples = samples.with_swapped(matrix(swapped)?)?.with_identical(study.identical.clone(), study.scale);
         Ok(Extraction { samples, contents, tables: NodeTables { references, candidates }, warnings })
     }
 

@@ -13,11 +13,13 @@ pub mod shard;
 pub mod split;
 mod workers;
 
-use crate::dataset::Row;
+use crate::dataset::opinions::REFERENCE;
+use crate::dataset::{Basis, Identical, Row};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
-use vernis_metric::descriptor::Column;
+use vernis_metric::descriptor::{Column, Role};
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// Why a table of samples cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -43,6 +45,9 @@ pub struct Samples {
     rows: Vec<Row>,
     features: Array2<f64>,
     swapped: Option<Array2<f64>>,
+    identical: Identical,
+    /// What the rule says, for parts without hidden references.
+    assumed: Identical,
 }
 
 impl Samples {
@@ -77,7 +82,42 @@ impl Samples {
                 });
             }
         }
-        Ok(Self { columns, rows, features, swapped: None })
+        let assumed = Identical::default();
+        Ok(Self { columns, rows, features, swapped: None, identical: assumed.clone(), assumed })
+    }
+
+    /// With the score of identical BRDFs of a study that was rated on `scale`, a grade; without it is that of the rule for 1 to 5.
+    #[must_use]
+    pub fn with_identical(self, identical: Identical, scale: RatingScale) -> Self {
+        Self { identical, assumed: Identical::assumed(scale), ..self }
+    }
+
+    /// With what `other` knows of identical BRDFs.
+    #[must_use]
+    pub fn identical_as(self, other: &Self) -> Self {
+        Self { identical: other.identical.clone(), assumed: other.assumed.clone(), ..self }
+    }
+
+    /// The score of identical BRDFs.
+    pub fn identical(&self) -> &Identical {
+        &self.identical
+    }
+
+    /// As part of a split these rows know the score of identical BRDFs by their own hidden references alone: rows whose method is
+    /// [`REFERENCE`], or of which no descriptor tells candidate and reference apart. Without any the rule holds. What does not
+    /// come from rated pairs is the same for every part.
+    fn of_own_references(mut self) -> Self {
+        if !matches!(self.identical.basis, Basis::HiddenReferences { .. }) {
+            return self;
+        }
+        let compared: Vec<usize> =
+            (0..self.columns.len()).filter(|&c| self.columns[c].role == Role::Difference).collect();
+        let hidden = self.rows.iter().zip(self.features.outer_iter()).filter(|(row, values)| {
+            row.method == REFERENCE || (!compared.is_empty() && compared.iter().all(|&c| values[c] == 0.0))
+        });
+        let own = Identical::of_hidden_references(hidden.map(|(row, _)| (row.mos, row.weight)));
+        self.identical = own.unwrap_or_else(|| self.assumed.clone());
+        self
     }
 
     /// The same pairs with reference and candidate exchanged, rows x columns: people who rate how alike two materials look
@@ -110,7 +150,7 @@ impl Samples {
             None => self.features[(i, j)],
             Some(i) => swapped[(i, j)],
         });
-        Self { columns: self.columns.clone(), rows, features, swapped: None }
+        Self { rows, features, swapped: None, ..self.clone() }
     }
 
     /// Number of rows.
@@ -150,6 +190,8 @@ impl Samples {
             rows: indices.iter().map(|&i| self.rows[i].clone()).collect(),
             features: self.features.select(Axis(0), indices),
             swapped: self.swapped.as_ref().map(|s| s.select(Axis(0), indices)),
+            identical: self.identical.clone(),
+            assumed: self.assumed.clone(),
         }
     }
 
@@ -161,6 +203,8 @@ impl Samples {
             rows: self.rows.clone(),
             features: self.features.select(Axis(1), &indices),
             swapped: self.swapped.as_ref().map(|s| s.select(Axis(1), &indices)),
+            identical: self.identical.clone(),
+            assumed: self.assumed.clone(),
         }
     }
 }
@@ -191,7 +235,6 @@ fn check_row(index: usize, row: &Row) -> Result<(), SamplesError> {
 mod tests {
     use super::*;
     use ndarray::array;
-    use vernis_metric::descriptor::Role;
 
     fn row(material: &str, group: &str) -> Row {
         Row {
@@ -223,6 +266,24 @@ mod tests {
         let context = samples().select_columns(|c| c.role == Role::Context);
         assert_eq!(context.features(), array![[2.0], [4.0], [6.0]]);
         assert_eq!(context.columns().len(), 1);
+    }
+
+    #[test]
+    fn a_part_knows_identical_brdfs_by_its_own_hidden_references() {
+        let graded = |material: &str, method: &str, mos| Row { method: method.into(), mos, ..row(material, material) };
+        let rows =
+            vec![graded("a", "m", 2.0), graded("a", "m", 4.0), graded("b", REFERENCE, 3.0), graded("b", "m", 1.0)];
+        let features = array![[1.0, 2.0], [0.0, 2.0], [0.1, 2.0], [0.3, 2.0]];
+        let found = Identical { score: 3.5, basis: Basis::HiddenReferences { pairs: 2 } };
+        let samples = Samples::new(columns(), rows, features).unwrap();
+        assert_eq!(samples.identical().score, 4.5);
+        let samples = samples.with_identical(found, RatingScale::GRADES);
+        let of = |rows: &[usize]| samples.select_rows(rows).of_own_references().identical().score;
+        assert_eq!([of(&[0, 1]), of(&[2, 3]), of(&[0, 3]), of(&[0, 1, 2, 3])], [4.0, 3.0, 4.5, 3.5]);
+        // What the study declares is the same for every part.
+        let declared = Identical { score: 4.39, basis: Basis::Declared { source: "paper".into() } };
+        let samples = samples.with_identical(declared, RatingScale::GRADES);
+        assert_eq!(samples.select_rows(&[0, 1]).of_own_references().identical().score, 4.39);
     }
 
     #[test]

@@ -73,6 +73,11 @@ impl TrainingSet {
         self.samples.rows().iter().map(|r| r.mos).collect()
     }
 
+    /// The score of identical BRDFs, as far as these rows and what the study declares tell.
+    pub fn identical(&self) -> f64 {
+        self.samples.identical().score
+    }
+
     /// Training weights, one a row.
     pub fn weights(&self) -> Vec<f64> {
         self.samples.rows().iter().map(|r| r.weight).collect()
@@ -153,7 +158,7 @@ fn fold(
         }
     }
     Ok(Fold {
-        training: TrainingSet { samples: samples.select_rows(&train_rows) },
+        training: TrainingSet { samples: samples.select_rows(&train_rows).of_own_references() },
         held_out: HeldOut { samples: samples.select_rows(&held_rows), indices: held_rows },
     })
 }

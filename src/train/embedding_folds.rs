@@ -165,7 +165,7 @@ impl TableBank {
             family: learner.name().to_owned(),
             role: Role::Difference,
         }));
-        let extended = Samples::new(columns, samples.rows().to_vec(), features)?;
+        let extended = Samples::new(columns, samples.rows().to_vec(), features)?.identical_as(samples);
         match samples.swapped() {
             // Exchanged, a difference of coordinates changes its sign.
             Some(swapped) => Ok(extended.with_swapped(beside(swapped, &added.mapv(|d| -d))?)?),

@@ -3,6 +3,7 @@
 use super::{Predictor, TrainError};
 use crate::dataset::Study;
 use thiserror::Error;
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::learned::exported::{DataHash, Descriptors, Interval, Provenance, Reached};
 use vernis_metric::metric::learned::{ExportedError, ExportedMetric, Regressor};
 
@@ -23,9 +24,11 @@ pub struct Export<'a> {
     pub name: &'a str,
     /// Version of its numbers.
     pub metric_version: &'a str,
+    /// The scale of its scores; models learn and predict grades, 1 to 5.
+    pub scale: RatingScale,
     /// What the model's inputs are.
     pub descriptors: Descriptors,
-    /// Of its scores.
+    /// Of the grades that it predicts.
     pub interval: Interval,
     /// Where it comes from.
     pub provenance: Provenance,
@@ -48,10 +51,10 @@ impl Export<'_> {
             Ok(model.regressor().cloned().ok_or_else(none)?)
         };
         let members = members.iter().map(|member| portable(&**member)).collect::<Result<Vec<_>, _>>()?;
-        let Self { name, metric_version, descriptors, interval, provenance } = self;
+        let Self { name, metric_version, scale, descriptors, interval, provenance } = self;
         let regressor = portable(model)?;
-        Ok(ExportedMetric::new(name, metric_version, descriptors, regressor, members, interval, provenance)
-            .map_err(Box::new)?)
+        let metric = ExportedMetric::new(name, metric_version, descriptors, regressor, members, interval, provenance);
+        Ok(metric.and_then(|metric| metric.on_scale(scale)).map_err(Box::new)?)
     }
 }
 

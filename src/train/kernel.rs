@@ -22,7 +22,7 @@
 
 use super::landmarks::LowRank;
 use super::standardize::Standardized;
-use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
+use super::{INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::samples::split::{Fold, TrainingSet};
 use ndarray::{Array2, ArrayView2, Axis};
 use vernis_metric::math::cholesky::{dot, solve};
@@ -78,7 +78,7 @@ impl Trainer for KernelRidge {
         let folds =
             set.inner_folds(INNER_FOLDS, seed).map_err(|source| TrainError::Split { trainer: trainer(), source })?;
         let distances = Distances::new(&data.z, &data.z0);
-        let target: Vec<f64> = set.mos().iter().map(|m| m - IDENTITY_MOS).collect();
+        let target: Vec<f64> = set.mos().iter().map(|m| m - set.identical()).collect();
         let weights = set.weights();
 
         let mut best: Option<(f64, Kernel, f64, Problem)> = None;
@@ -102,7 +102,7 @@ impl Trainer for KernelRidge {
         };
         let coefficients = problem.solve(ridge, None).ok_or_else(|| self.singular(&problem))?;
         let regressor = Regressor {
-            identity_mos: IDENTITY_MOS,
+            identity_mos: set.identical(),
             terms: vec![Term {
                 weight: 1.0,
                 function: Function::Kernel {
@@ -290,11 +290,11 @@ mod tests {
         let data = Standardized::fit("test", &set).unwrap();
         let mut system = Distances::new(&data.z, &data.z0).centred(&kernel);
         let centred = system.clone();
-        let y: Vec<f64> = set.mos().iter().map(|m| m - IDENTITY_MOS).collect();
+        let y: Vec<f64> = set.mos().iter().map(|m| m - set.identical()).collect();
         set.weights().iter().enumerate().for_each(|(i, v)| system[[i, i]] += 0.1 / v);
         let a = solve(system.view(), 0.0, &y).unwrap();
         for (i, predicted) in model.predict(set.features()).iter().enumerate() {
-            let direct = IDENTITY_MOS + dot(&centred.row(i).to_vec(), &a);
+            let direct = set.identical() + dot(&centred.row(i).to_vec(), &a);
             assert!((predicted - direct).abs() < 1e-5, "{predicted} {direct}");
         }
     }

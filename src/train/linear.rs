@@ -11,7 +11,7 @@
 //! and r = 0 directly. Cost: milliseconds for ridge, about a second for the elastic net.
 
 use super::standardize::Standardized;
-use super::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
+use super::{INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::samples::split::TrainingSet;
 use linfa::Dataset;
 use linfa::traits::Fit;
@@ -56,7 +56,7 @@ impl Trainer for ElasticNet {
         let mean = weights.iter().sum::<f64>() / weights.len() as f64;
         let root: Array1<f64> = weights.iter().map(|w| (w / mean).sqrt()).collect();
         let x = (&data.z - &data.z0) * root.view().insert_axis(Axis(1));
-        let y: Array1<f64> = set.mos().iter().zip(&root).map(|(m, r)| (m - IDENTITY_MOS) * r).collect();
+        let y: Array1<f64> = set.mos().iter().zip(&root).map(|(m, r)| (m - set.identical()) * r).collect();
 
         let folds =
             set.inner_folds(INNER_FOLDS, seed).map_err(|source| TrainError::Split { trainer: trainer(), source })?;
@@ -82,7 +82,7 @@ impl Trainer for ElasticNet {
             });
         };
         let regressor = Regressor {
-            identity_mos: IDENTITY_MOS,
+            identity_mos: set.identical(),
             inputs: data.inputs,
             terms: vec![Term {
                 weight: 1.0,

@@ -2,7 +2,7 @@
 //!
 //! A [`Trainer`] learns from a [`TrainingSet`] alone: standardisation, hyper-parameters, stopping and the map to the
 //! scale of the ratings are all fitted on its rows, choices on its own inner folds. What it returns predicts mean
-//! opinion scores from raw descriptors. The kernel and network trainers also give a portable
+//! opinion scores, as grades from 1 to 5, from raw descriptors; identical BRDFs get [`TrainingSet::identical`]. The kernel and network trainers also give a portable
 //! [`Regressor`], the part of an exported metric that was learned.
 
 #[cfg(feature = "train")]
@@ -31,10 +31,6 @@ use thiserror::Error;
 use vernis_metric::io::counted;
 use vernis_metric::math::logistic::LogisticError;
 use vernis_metric::metric::learned::{Regressor, RegressorError};
-
-/// The score that a model gives to identical BRDFs. People seldom give the full 5 to a perfect copy; the hidden
-/// references of rating studies settle near this.
-pub const IDENTITY_MOS: f64 = 4.5;
 
 /// Inner folds for every choice that a trainer makes.
 pub const INNER_FOLDS: usize = 5;

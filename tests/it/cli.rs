@@ -137,6 +137,34 @@ fn compare_prints_the_same_numbers_as_text_and_as_json() {
     assert!(lines[1].contains(&format!("R {:.6}", channels[0])) && !lines[2].contains("R "));
 }
 
+/// A metric that was learned from ratings of another scale speaks that scale.
+#[test]
+fn compare_tells_scores_on_the_scale_of_the_metric() {
+    use vernis::math::rating_scale::RatingScale;
+    use vernis::metric::learned::LearnedMetric;
+    let place = Place::new();
+    let shipped = LearnedMetric::shipped().unwrap().exported().clone();
+    for (name, worst, best) in [("percent", 0.0, 100.0), ("dmos", 100.0, 0.0)] {
+        let scale = RatingScale::new(worst, best).unwrap();
+        let mut metric = shipped.clone().on_scale(scale).unwrap();
+        metric.name = name.to_owned();
+        let file = format!("{name}.vernis.json");
+        place.write(&file, metric.to_json().unwrap());
+        let args = ["compare", "ward.json", "ggx.json", "--metric", "vernis", "--metric", &file];
+        let found: Value = serde_json::from_str(&place.output(&[&args[..], &["--json"]].concat())).unwrap();
+        let of = |metric: &str, key: &str| found["mos"][metric][key].as_f64().unwrap();
+        assert!((of(name, "mos") - scale.score(of("vernis", "mos"))).abs() < 1e-9);
+        assert_eq!(found["mos"][name]["scale"], json!({"worst": worst, "best": best}));
+        assert_eq!(found["mos"]["vernis"]["scale"], json!({"worst": 1.0, "best": 5.0}));
+        let distance = |metric: &str| found["distances"][metric].as_f64().unwrap();
+        assert!((distance(name) - 25.0 * distance("vernis")).abs() < 1e-9);
+        let text = place.output(&args);
+        let expected =
+            format!("predicted score {:.1} on {worst} (worst) to {best} (best), 95 % between", of(name, "mos"));
+        assert!(text.contains(&expected), "{text}");
+    }
+}
+
 #[test]
 fn score_keeps_the_rows_and_adds_columns() {
     let place = Place::new();

@@ -13,10 +13,11 @@ use std::time::{Duration, Instant};
 use vernis::brdf::formats::{merl, titopo};
 use vernis::brdf::models::Lambert;
 use vernis::brdf::{BrdfSource, ContentHash, Grid, TabulatedBrdf};
-use vernis::dataset::{Completeness, RatedPair, Study, StudyFile, synthetic};
+use vernis::dataset::{Basis, Completeness, Identical, RatedPair, Study, StudyFile, synthetic};
 use vernis::descriptor::{Column, Role};
 use vernis::descriptor::{DescriptorSet, VERSION};
 use vernis::experiment::train::metrics;
+use vernis::math::rating_scale::RatingScale;
 use vernis::math::seed;
 use vernis::metric::lp::LpDistances;
 use vernis::metric::registry::Registry;
@@ -264,6 +265,8 @@ fn small() -> ExtractedStudy {
             name: "small".into(),
             synthetic: true,
             completeness: Completeness { found: 4, known: 9 },
+            scale: RatingScale::new(0.0, 100.0).unwrap(),
+            identical: Identical { score: 4.25, basis: Basis::HiddenReferences { pairs: 3 } },
             files: vec![StudyFile {
                 name: "ratings.csv".into(),
                 content: ContentHash::of(b"r"),
@@ -303,6 +306,8 @@ fn a_file_holds_all_of_a_study() {
     assert_eq!(read.samples.swapped(), whole.samples.swapped());
     assert_eq!(read.samples.columns(), whole.samples.columns());
     assert_eq!((read.samples.rows(), &read.contents), (whole.samples.rows(), &whole.contents));
+    assert_eq!((read.study.scale, &read.study.identical), (whole.study.scale, &whole.study.identical));
+    assert_eq!(read.samples.identical(), &whole.study.identical);
     assert_eq!((&read.places, read.whole, read.shard), (&whole.places, 4, Shard::WHOLE));
     assert_eq!((&read.versions, read.study.completeness), (&whole.versions, whole.study.completeness));
     assert_eq!((&read.study.files, read.study.synthetic), (&whole.study.files, true));

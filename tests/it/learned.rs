@@ -6,6 +6,7 @@ use vernis::brdf::models::Ggx;
 use vernis::dataset::Row;
 use vernis::descriptor::Role;
 use vernis::descriptor::{DescriptorSet, Setup};
+use vernis::math::rating_scale::RatingScale;
 use vernis::math::seed::stream;
 use vernis::metric::Metric;
 use vernis::metric::learned::exported::{DataHash, Descriptors, FORMAT, Interval, Provenance, Reached};
@@ -14,7 +15,7 @@ use vernis::samples::Samples;
 use vernis::samples::split::TrainingSet;
 use vernis::train::ensemble::bootstrap_members;
 use vernis::train::kernel::KernelRidge;
-use vernis::train::{IDENTITY_MOS, Predictor, Trainer};
+use vernis::train::{Predictor, Trainer};
 
 /// Ratings of random descriptors of compact 48: only their shapes matter here.
 fn samples() -> Samples {
@@ -39,7 +40,11 @@ fn portable(model: &dyn Predictor) -> Regressor {
 }
 
 fn exported() -> ExportedMetric {
-    let set = TrainingSet::whole(&samples());
+    exported_from(&samples())
+}
+
+fn exported_from(samples: &Samples) -> ExportedMetric {
+    let set = TrainingSet::whole(samples);
     let trainer = KernelRidge::nystroem(12);
     let members = bootstrap_members(&trainer, &set, 3, 1).unwrap();
     ExportedMetric::new(
@@ -92,7 +97,7 @@ fn scores_are_exact_at_identity_and_bounded() {
             }
         }
         let identical = metric.score(&raw).unwrap();
-        assert_eq!((identical.distance, identical.mos), (0.0, IDENTITY_MOS));
+        assert_eq!((identical.distance, identical.mos), (0.0, 4.5));
         assert_eq!(metric.spread(&raw), 0.0);
     }
 }
@@ -230,6 +235,57 @@ fn a_calibrated_interval_covers_what_it_says() {
     }
     assert!(Interval::calibrate(&[], &[], 0.9).is_none());
     assert!(Interval::calibrate(&[0.1], &[0.1], 1.0).is_none());
+}
+
+/// The same study stated on 1 to 5, on 0 to 100, as DMOS: one metric up to the map between the scales.
+#[test]
+fn a_study_gives_the_same_metric_on_whichever_scale_it_is_stated() {
+    let (grades, whole) = (exported(), samples());
+    for (worst, best) in [(0.0, 100.0), (60.0, 0.0), (-3.0, 10.0)] {
+        let scale = RatingScale::new(worst, best).unwrap();
+        let stated = whole.rows().iter().map(|r| Row { mos: scale.grade(scale.stated(r.mos)), ..r.clone() });
+        let restated = Samples::new(whole.columns().to_vec(), stated.collect(), whole.features().to_owned()).unwrap();
+        let metric = exported_from(&restated).on_scale(scale).unwrap();
+        assert!(metric.regressor.identity_mos == scale.score(4.5) && metric.scale == scale);
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-4 * scale.unit().abs();
+        for row in whole.features().outer_iter() {
+            let (one, other) = (grades.score(&row.to_vec()).unwrap(), metric.score(&row.to_vec()).unwrap());
+            assert!(near(other.mos, scale.score(one.mos)), "{one:?} {other:?}");
+            assert!(near(other.distance, scale.width(one.distance)), "{one:?} {other:?}");
+            let ends = [one.low, one.high].map(|x| scale.score(x));
+            let ends = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+            assert!(near(other.low, ends[0]) && near(other.high, ends[1]), "{one:?} {other:?}");
+            assert!(scale.contains(other.low) && scale.contains(other.high) && other.scale == scale);
+            let signed = metric.signed_distance(&row.to_vec()).unwrap();
+            assert_eq!(signed.max(0.0), other.distance);
+        }
+        let mut same = whole.features().row(0).to_vec();
+        for (x, input) in same.iter_mut().zip(&metric.regressor.inputs) {
+            *x = if input.role == Role::Difference { 0.0 } else { *x };
+        }
+        let score = metric.score(&same).unwrap();
+        assert_eq!((score.distance, score.mos), (0.0, metric.regressor.identity_mos));
+        let text = metric.to_json().unwrap();
+        assert_eq!(parse(&text).unwrap(), metric);
+        assert_ne!(
+            metric.content(),
+            parse(&text.replace(&format!("\"best\":{best:?}"), "\"best\":1000.0"))
+                .map_or_else(|_| grades.content(), |m| m.content())
+        );
+        assert!(metric.on_scale(scale).unwrap_err().to_string().contains("not in grades"));
+    }
+    // A file without a scale is in grades, and says nothing of it.
+    assert!(grades.scale.is_grades() && !grades.to_json().unwrap().contains("\"scale\":{"));
+    assert_eq!(grades.clone().on_scale(RatingScale::GRADES).unwrap(), grades);
+    // What lies beyond the scale, or is none, is refused.
+    let percent = grades.on_scale(RatingScale::new(0.0, 100.0).unwrap()).unwrap().to_json().unwrap();
+    let changed = |from: &str, to: &str| {
+        assert!(percent.contains(from), "{from}");
+        parse(&percent.replacen(from, to, 1)).unwrap_err().to_string()
+    };
+    let message = changed("\"identity_mos\":87.5", "\"identity_mos\":100.5");
+    assert!(message.contains("identity_mos is 100.5; it must be on the scale of the file"), "{message}");
+    assert!(changed("\"best\":100.0", "\"best\":0.0").contains("they must be finite and differ"));
 }
 
 #[test]

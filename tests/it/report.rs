@@ -114,6 +114,8 @@ fn make_record() -> BenchmarkRecord {
     BenchmarkRecord {
         study: "made-up".into(),
         synthetic: false,
+        scale: vernis::math::rating_scale::RatingScale::GRADES,
+        identical: None,
         rows: samples.len(),
         materials: 60,
         groups: 30,
@@ -252,6 +254,46 @@ fn pictures_have_content_on_both_back_ends() {
     // A mark a rated pair: six shapes, of which one is a circle.
     let scatter = read(&folder, "scatter.svg");
     assert_eq!(scatter.matches("<circle").count() + scatter.matches("<polygon").count(), 360 + METHODS.len());
+}
+
+/// A benchmark of ratings from 0 to 100, and of DMOS: correlations stay, what has a unit follows the scale, pages and figures say it.
+#[test]
+fn a_benchmark_speaks_the_scale_of_its_study() {
+    use vernis::dataset::{Basis, Identical};
+    use vernis::math::rating_scale::RatingScale;
+    let identical = Some(Identical { score: 4.5, basis: Basis::Assumed });
+    let grades = BenchmarkRecord { identical, ..record(false) };
+    for (worst, best) in [(0.0, 100.0), (100.0, 0.0)] {
+        let scale = RatingScale::new(worst, best).unwrap();
+        let found = grades.clone().on_scale(scale);
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * (1.0 + b.abs());
+        for (a, b) in found.metrics.iter().zip(&grades.metrics) {
+            for (a, b) in a.judgements.iter().zip(&b.judgements) {
+                assert!(near(a.agreement.rmse, 25.0 * b.agreement.rmse) && a.agreement.plcc == b.agreement.plcc);
+                assert!(near(a.intervals.rmse.high, 25.0 * b.intervals.rmse.high));
+            }
+        }
+        for (a, b) in found.predictions.iter().zip(&grades.predictions) {
+            assert!(near(a.mos, scale.score(b.mos)));
+            assert!(a.predicted.iter().all(|(name, mos)| near(*mos, scale.score(b.predicted[name]))));
+        }
+        for (a, b) in found.residuals.iter().zip(&grades.residuals) {
+            assert!(near(a.rms, 25.0 * b.rms) && near(a.bias, scale.direction() * 25.0 * b.bias));
+        }
+        let (a, b) = (found.calibration.unwrap(), grades.calibration.unwrap());
+        assert!(near(a.mean_width, 25.0 * b.mean_width) && a.covered == b.covered);
+        assert_eq!(a.below, if scale.direction() > 0.0 { b.below } else { b.above });
+        assert_eq!(found.identical.as_ref().unwrap().score, scale.score(4.5));
+        let dir = tempfile::tempdir().unwrap();
+        let folder = report(dir.path(), &found);
+        let page = read(&folder, "report.md");
+        assert!(page.contains(&format!("scale of the ratings: `{worst} (worst) to {best} (best)`")), "{page}");
+        assert!(page.contains("score of identical BRDFs: `") && page.contains("assumed, 87.5 %"), "{page}");
+        assert!(page.contains(&format!("{best} means that people would not tell")), "{page}");
+        let json: BenchmarkRecord = serde_json::from_str(&read(&folder, "benchmark.json")).unwrap();
+        assert_eq!(json, found);
+    }
+    assert_eq!(grades.clone().on_scale(RatingScale::GRADES), grades);
 }
 
 #[test]

@@ -10,6 +10,7 @@ use vernis::dataset::opinions::{Scores, StudyOpinions};
 use vernis::dataset::synthetic::sessions::{OVERCAST, OVERCAST_SHIFT, STUDIO, Sessions, simulate};
 use vernis::dataset::synthetic::{SEED, SyntheticStudy, generate};
 use vernis::math::correlation::pearson;
+use vernis::math::rating_scale::RatingScale;
 use vernis::panel::record::{Spread, StudyRecord};
 use vernis::panel::reliability::expected;
 use vernis::panel::screening::{Criterion, screen};
@@ -284,6 +285,132 @@ fn what_a_study_lacks_is_named() {
     // The noise model expects what the panel shows.
     let found = RECORD.split_half.as_ref().unwrap().pearson.mean;
     assert!((record.expected_reliability.unwrap().split_half_pearson - found).abs() < 0.015);
+}
+
+/// The same panel stated on 0 to 100 and as DMOS: what has a unit follows the map, the rest is the same.
+#[test]
+fn statistics_agree_on_whichever_scale_the_panel_rated() {
+    for (worst, best) in [(0.0, 100.0), (100.0, 0.0)] {
+        let scale = RatingScale::new(worst, best).unwrap();
+        let mut opinions = SESSIONS.opinions.clone();
+        opinions.scale = scale;
+        if let Scores::Raw(raw) = &mut opinions.scores {
+            raw.judgements.iter_mut().for_each(|j| j.score = scale.score(j.score));
+            for answer in &mut raw.gold {
+                (answer.score, answer.expected) = (scale.score(answer.score), scale.score(answer.expected));
+            }
+        }
+        let found = describe(&opinions, &Options::default()).unwrap();
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * (1.0 + b.abs());
+        assert_eq!(found.scale, scale);
+        assert_eq!(found.panel, RECORD.panel);
+        for (a, b) in found.opinions.iter().zip(&RECORD.opinions) {
+            assert!(near(a.opinion.mos, scale.score(b.opinion.mos)));
+            assert!(near(a.opinion.deviation.unwrap(), scale.width(b.opinion.deviation.unwrap())));
+            assert!(near(a.opinion.width().unwrap(), scale.width(b.opinion.width().unwrap())));
+        }
+        let split = |r: &StudyRecord| r.split_half.as_ref().unwrap().pearson.mean;
+        assert!(near(split(&found), split(&RECORD)));
+        let icc = |r: &StudyRecord| r.intraclass_two_way.as_ref().unwrap().single.value;
+        assert!(near(icc(&found), icc(&RECORD)));
+        let sos = |r: &StudyRecord| (r.sos.as_ref().unwrap().a, r.sos.as_ref().unwrap().rmse);
+        assert!(near(sos(&found).0, sos(&RECORD).0) && near(sos(&found).1, scale.width(sos(&RECORD).1)));
+        let types = |r: &StudyRecord| r.material_types.as_ref().unwrap().mos.clone();
+        assert!(near(types(&found).t, scale.direction() * types(&RECORD).t));
+        assert!(near(types(&found).difference, scale.difference(types(&RECORD).difference)));
+        let effect = |r: &StudyRecord| r.anova_two_way.as_ref().unwrap().terms.iter().map(|t| t.f).collect::<Vec<_>>();
+        assert!(effect(&found).iter().zip(effect(&RECORD)).all(|(a, b)| (a / b - 1.0).abs() < 1e-6));
+        let boxes = |r: &StudyRecord| r.boxes.iter().flat_map(|set| set.boxes.clone()).collect::<Vec<_>>();
+        assert_eq!(boxes(&found).len(), boxes(&RECORD).len());
+        for (a, b) in boxes(&found).iter().zip(boxes(&RECORD)) {
+            assert_eq!((&a.levels, a.mos.n, a.mos.outliers.len()), (&b.levels, b.mos.n, b.mos.outliers.len()));
+            assert!(near(a.mos.median, scale.score(b.mos.median)) && near(a.mean, scale.score(b.mean)));
+        }
+        let text = vernis::report::study::text(&found);
+        assert!(
+            text.contains(&format!("{worst} is worst, {best} best.")) && text.contains("within 25.0 points"),
+            "{text}"
+        );
+        assert!(text.contains("(x - 0)(100 - x)"), "{text}");
+        // Means alone: the spread is assumed in the unit of the scale.
+        let means = |r: &StudyRecord| r.opinions.iter().map(|o| o.opinion.mos).collect::<Vec<f64>>();
+        let alone = |opinions: &StudyOpinions, means: Vec<f64>| {
+            let opinions = StudyOpinions { scores: Scores::Means(means), ..opinions.clone() };
+            describe(&opinions, &Options::default()).unwrap()
+        };
+        let (a, b) = (alone(&opinions, means(&found)), alone(&SESSIONS.opinions, means(&RECORD)));
+        assert!(near(a.opinions[0].opinion.width().unwrap(), scale.width(b.opinions[0].opinion.width().unwrap())));
+        let expected = |r: &StudyRecord| r.expected_reliability.unwrap().split_half_pearson;
+        assert!(near(expected(&a), expected(&b)));
+    }
+}
+
+/// A scale without a worst end has no curve of spread over means; the rest goes on.
+#[test]
+fn a_scale_without_a_worst_end_has_statistics_too() {
+    let scale = RatingScale::new(0.0, 10.0).unwrap().opened();
+    let means: Vec<f64> = RECORD.opinions.iter().map(|o| scale.score(o.opinion.mos)).collect();
+    let opinions = StudyOpinions { scores: Scores::Means(means.clone()), scale, ..SESSIONS.opinions.clone() };
+    let record = describe(&opinions, &Options::default()).unwrap();
+    assert_eq!((record.spread, record.opinions[0].opinion.mos), (Spread::Unknown, means[0]));
+    assert!(record.expected_reliability.is_none() && record.material_types.is_some() && !record.boxes.is_empty());
+    let text = vernis::report::study::text(&record);
+    assert!(text.contains("10 is best; the scale has no worst end") && text.contains("no spread is assumed"), "{text}");
+}
+
+#[test]
+fn ratings_on_other_scales_are_described_and_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    let rows = |column: &str, scores: [f64; 4]| {
+        let row = |(i, s): (usize, &f64)| format!("a{}.json,b{i}.json,{s},m{0},GGX\n", i / 2);
+        let rows: String = scores.iter().enumerate().map(row).collect();
+        format!("reference,candidate,{column},material,method\n{rows}")
+    };
+    write("percent.csv", &rows("mos", [82.0, 61.0, 20.0, 45.5]));
+    write("dmos.csv", &rows("dmos", [1.2, 7.1, 4.0, 2.5]));
+    write("raw.csv", "participant,material,method,score\np,m,A,40\nq,m,A,20\np,n,A,60\nq,n,A,90\n");
+    write("raw.toml", "file = \"raw.csv\"\nscale = {worst = 0, best = 100}\n");
+    let undeclared = run(dir.path(), &["--study", "percent.csv"]);
+    let error = String::from_utf8(undeclared.stderr).unwrap();
+    assert_eq!((undeclared.status.code(), error.lines().count()), (Some(2), 1), "{error}");
+    assert!(
+        error.contains("percent.csv, line 2: mos is `82`; it must be 1 (very poor) to 5 (excellent); if the study uses another scale, say so: --scale worst=0,best=100"),
+        "{error}"
+    );
+    for (args, expected) in [
+        (&["--study", "percent.csv", "--scale", "worst=0,best=100"][..], "0 is worst, 100 best."),
+        (&["--study", "dmos.csv"], "0 is best; the scale has no worst end, and its ratings reach 8."),
+        (&["--ratings", "raw.csv", "--scale", "worst=0,best=100"], "0 is worst, 100 best."),
+        (&["--ratings", "raw.toml"], "0 is worst, 100 best."),
+    ] {
+        let output = run(dir.path(), args);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success() && text.contains(expected), "{args:?}: {text}");
+    }
+    let found = run(dir.path(), &["--study", "percent.csv", "--scale", "worst=0,best=100", "--json"]);
+    let found: serde_json::Value = serde_json::from_slice(&found.stdout).unwrap();
+    assert_eq!(found["scale"], serde_json::json!({"worst": 0.0, "best": 100.0}));
+    assert_eq!(found["opinions"][3]["mos"], 45.5);
+    assert!(found["command"].as_str().unwrap().contains("--scale worst=0,best=100"), "{found}");
+    for (args, expected) in [
+        (
+            &["--study", "synthetic", "--scale", "dmos"][..],
+            "study synthetic declares its own scale, 1 (very poor) to 5",
+        ),
+        (&["--scale", "dmos"], "neither --study nor --ratings was given"),
+        (&["--study", "percent.csv", "--scale", "0-100"], "such as worst=0,best=100"),
+        (
+            &["--ratings", "raw.toml", "--scale", "jod"],
+            "raw.toml: it declares the scale worst=0,best=100, and --scale is jod",
+        ),
+        (&["--study", "dmos.csv", "--scale", "worst=0,best=10"], "column `dmos` is on the scale worst=0,best=10"),
+    ] {
+        let output = run(dir.path(), args);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
+        assert!(error.contains(expected) && output.stdout.is_empty(), "{args:?}: {error}");
+    }
 }
 
 #[test]

@@ -4,8 +4,9 @@
 use ndarray::Array2;
 use rand::Rng;
 use rand::seq::SliceRandom;
-use vernis::dataset::Row;
+use vernis::dataset::{Basis, Identical, Row};
 use vernis::descriptor::{Column, Role};
+use vernis::math::rating_scale::RatingScale;
 use vernis::math::seed::stream;
 use vernis::samples::Samples;
 use vernis::samples::split::{TrainingSet, grouped_folds};
@@ -16,7 +17,7 @@ use vernis::train::lp_baseline::{BestOf, Criterion, SingleMetric};
 use vernis::train::neural::NeuralNetwork;
 use vernis::train::svr::SupportVectors;
 use vernis::train::trivial::MeanOf;
-use vernis::train::{IDENTITY_MOS, Predictor, TrainError, Trainer};
+use vernis::train::{Predictor, TrainError, Trainer};
 
 const DIFFERENCES: usize = 6;
 const COLUMNS: usize = 8;
@@ -86,14 +87,37 @@ fn out_of_fold(samples: &Samples, trainer: &dyn Trainer) -> f64 {
 
 #[test]
 fn identical_brdfs_get_the_identity_bit_for_bit() {
-    let samples = study(false);
+    let known = Identical { score: 4.39, basis: Basis::Declared { source: "a paper".into() } };
+    let samples = study(false).with_identical(known, RatingScale::GRADES);
     let set = TrainingSet::whole(&samples);
+    assert_eq!((set.identical(), TrainingSet::whole(&study(false)).identical()), (4.39, 4.5));
     let mut identical = samples.features().to_owned();
     identical.slice_mut(ndarray::s![.., ..DIFFERENCES]).fill(0.0);
     for trainer in exact_trainers() {
         let model = trainer.train(&set, 7).unwrap();
-        assert!(model.predict(identical.view()).iter().all(|m| *m == IDENTITY_MOS), "{}", trainer.name());
-        assert!(model.predict(samples.features()).iter().any(|m| *m != IDENTITY_MOS), "{}", trainer.name());
+        assert!(model.predict(identical.view()).iter().all(|m| *m == 4.39), "{}", trainer.name());
+        assert!(model.predict(samples.features()).iter().any(|m| *m != 4.39), "{}", trainer.name());
+    }
+}
+
+/// A fold knows no more of identical BRDFs than the hidden references that it trains on.
+#[test]
+fn hidden_references_that_are_held_out_are_not_learned_from() {
+    let samples = study(false);
+    let mut rows = samples.rows().to_vec();
+    // Every material has one hidden reference; those of the first 20 are rated 4, the others 5.
+    for (i, row) in rows.iter_mut().enumerate().filter(|(i, _)| i % 6 == 0) {
+        (row.method, row.mos) = ("REFERENCE".into(), if i < 120 { 4.0 } else { 5.0 });
+    }
+    let found = Identical { score: 4.5, basis: Basis::HiddenReferences { pairs: 40 } };
+    let samples = Samples::new(samples.columns().to_vec(), rows, samples.features().to_owned()).unwrap();
+    let samples = samples.with_identical(found, RatingScale::GRADES);
+    for fold in grouped_folds(&samples, 4, 3).unwrap() {
+        let hidden: Vec<f64> = fold.training.rows().iter().filter(|r| r.method == "REFERENCE").map(|r| r.mos).collect();
+        let mean = hidden.iter().sum::<f64>() / hidden.len() as f64;
+        assert_eq!((fold.training.identical(), hidden.len()), (mean, 30));
+        // A resample of it keeps what it knows: its members and the model are one metric.
+        assert_eq!(fold.training.resample_groups(1, 0).identical(), mean);
     }
 }
 

@@ -253,6 +253,23 @@ fn a_hash_that_is_none_does_not_follow_the_schema() {
 }
 
 #[test]
+fn a_scale_widens_what_the_score_of_identical_brdfs_may_be() {
+    for (scale, identity, takes) in [
+        (json!({"worst": 0, "best": 100}), 87.5, true),
+        (json!({"worst": 9.0, "best": 0, "open": true}), 0.0, true),
+        (json!({"worst": 0}), 4.5, false),
+        (json!({"worst": 0, "best": 100, "middle": 50}), 4.5, false),
+        (json!({"worst": "0", "best": 100}), 4.5, false),
+        (json!([0, 100]), 4.5, false),
+    ] {
+        let mut file = small();
+        file["scale"] = scale.clone();
+        file["regressor"]["identity_mos"] = json!(identity);
+        assert_eq!((reads(&file).is_ok(), follows(&file).is_ok()), (takes, takes), "{scale}: {:?}", reads(&file));
+    }
+}
+
+#[test]
 fn the_bounds_themselves_are_allowed() {
     let mut file = small();
     for (at, value) in [

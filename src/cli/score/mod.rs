@@ -22,7 +22,7 @@ use work::Scorer;
 PAIRS.csv has a header with at least the columns `reference` and `candidate`, each a BRDF as `vernis compare --help`
 describes; a relative path starts at the folder of PAIRS.csv, otherwise at the working directory or the data folder. Between
 fields may stand commas, semicolons or tabs. The output has the same rows in the same order and more columns: one per metric;
-`mos`, `mos_low`, `mos_high` for a learned metric (with `:NAME` appended for each learned metric after the first, and if
+`mos`, `mos_low`, `mos_high` for a learned metric, on the scale of its ratings (with `:NAME` appended for each learned metric after the first, and if
 PAIRS.csv has its own `mos`); and `reason`, which says why a row has no numbers. Names that are taken get `:2`.
 
 All paths are looked up before the first distance. A row that cannot be computed is reported with its line, its cells stay
@@ -72,7 +72,7 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     workspace::warm_up(shared, &metrics)?;
     let columns = Columns::new(&pairs.header, &metrics);
     let bar = Bar::new();
-    let mut failed = 0;
+    let (mut failed, mut scales) = (0, None);
     let mut tell = |line: u64, reason: &str| {
         failed += 1;
         if failed <= TOLD {
@@ -93,6 +93,10 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
                 tell(line, reason);
             }
         }
+        if let (None, Ok(found)) = (&scales, &found) {
+            let scores = metrics.iter().zip(found).map(|(metric, found)| (metric.name(), found.score));
+            scales = Some(workspace::scales(scores));
+        }
         sink.take(row, columns.row(record, &found))?;
         bar.update("pairs", Progress { done: done + 1, total });
         Ok(sink.is_open())
@@ -102,7 +106,7 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
     sink.finish()?;
     if !to_standard {
         let (pairs, metrics) = (counted(total, "pair"), counted(metrics.len(), "metric"));
-        print(format!("{pairs}, {metrics}: {}\n", args.out.display()))?;
+        print(format!("{pairs}, {metrics}: {}\n{}", args.out.display(), scales.unwrap_or_default()))?;
     }
     match failed {
         0 => Ok(()),

@@ -15,7 +15,7 @@ mod reflectance;
 pub mod sessions;
 mod studio;
 
-use super::{Completeness, DatasetError, RatedPair, Study};
+use super::{Completeness, DatasetError, Identical, RatedPair, Study};
 use appearance::{Difference, Percept, perceive};
 use candidates::Candidate;
 use materials::NamedMaterial;
@@ -24,6 +24,7 @@ use rand::Rng;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::math::seed;
 
 /// Name of the study.
@@ -64,8 +65,18 @@ pub fn generate(seed: u64) -> Result<SyntheticStudy, DatasetError> {
     let grades = panel::grade(&quality, seed);
     let rated = pairs.into_iter().zip(&grades).map(|(p, grades)| rated(&all[p.material], p, grades)).collect();
     let completeness = Completeness { found: quality.len(), known: quality.len() };
-    let study = Study { name: NAME.into(), synthetic: true, completeness, files: Vec::new(), pairs: rated };
-    Ok(SyntheticStudy { study, quality, grades })
+    let study = Study {
+        name: NAME.into(),
+        synthetic: true,
+        completeness,
+        scale: RatingScale::GRADES,
+        identical: Identical::default(),
+        files: Vec::new(),
+        pairs: rated,
+    };
+    let mut made = SyntheticStudy { study, quality, grades };
+    made.study.identical = sessions::identical(&made, seed);
+    Ok(made)
 }
 
 fn pairs(all: &[NamedMaterial]) -> Result<Vec<Pair>, DatasetError> {

@@ -11,9 +11,10 @@
 
 use super::SyntheticStudy;
 use super::candidates::normal;
-use super::panel::{OBSERVERS, grade};
+use super::panel::{OBSERVERS, grade, mean_opinion};
 use crate::dataset::opinions::{REFERENCE, Scores, Stimulus, StudyOpinions, of_pair};
 use crate::dataset::raw_ratings::{GoldAnswer, Judgement, RawRatings};
+use crate::dataset::{Basis, Identical};
 use rand::Rng;
 use std::collections::BTreeMap;
 use vernis_metric::math::seed;
@@ -73,11 +74,22 @@ pub fn simulate(made: &SyntheticStudy, seed: u64) -> Sessions {
         name: study.name.clone(),
         synthetic: true,
         completeness: study.completeness,
+        scale: study.scale,
         files: Vec::new(),
         stimuli,
         scores: Scores::Raw(raw),
     };
     Sessions { opinions, quality, careless: (OBSERVERS..OBSERVERS + CARELESS).collect() }
+}
+
+/// The mean of what the observers say of the hidden references under the illumination of the study's MOS.
+pub(super) fn identical(made: &SyntheticStudy, seed: u64) -> Identical {
+    let (stimuli, quality) = stimuli(made);
+    let rated = stimuli.iter().zip(grade(&quality, seed));
+    let hidden = rated.filter(|(s, _)| s.is_reference() && s.illumination.as_deref() == Some(STUDIO));
+    let means: Vec<f64> = hidden.map(|(_, grades)| mean_opinion(&grades)).collect();
+    let stimuli = means.len();
+    Identical { score: means.iter().sum::<f64>() / stimuli as f64, basis: Basis::RawRatings { stimuli } }
 }
 
 /// What is shown and how good it is, first the study's own pairs in their order.

@@ -6,6 +6,7 @@ use super::run::{FitRecord, Settings};
 use crate::dataset::Study;
 use crate::experiment::ExperimentError;
 use std::collections::BTreeMap;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// Losses that others are compared with: the study's, and the simplest that knows of relative differences.
 const BASELINES: [Loss; 2] = [Loss::Square, Loss::Logarithm];
@@ -30,6 +31,8 @@ pub struct LossesRecord {
     pub study: String,
     /// Ratings come from simulated observers.
     pub synthetic: bool,
+    /// The scale of the ratings; scores here are grades, 1 to 5.
+    pub scale: RatingScale,
     /// SHA-256 of the study's files by name.
     pub data: BTreeMap<String, String>,
     /// What decides the numbers, besides the data.
@@ -83,6 +86,7 @@ impl LossesRecord {
         Ok(Self {
             study: study.name.clone(),
             synthetic: study.synthetic,
+            scale: study.scale,
             data: study.files.iter().map(|f| (f.name.clone(), f.content.to_string())).collect(),
             settings: settings.clone(),
             materials: judged.materials().to_vec(),

@@ -21,11 +21,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::descriptor::{Cache, DescriptorSet, Setup};
 use vernis_metric::io::{Observer, Progress};
+use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::learned::LearnedMetric;
 use vernis_metric::metric::learned::exported::{Descriptors, Interval, Provenance};
 
 /// Of the numbers of these metrics.
-const METRIC_VERSION: &str = "1";
+const METRIC_VERSION: &str = "2";
 /// The seed of the judges is that of the losses and this.
 const JUDGE_SEED: u64 = 1_000_003;
 
@@ -187,6 +188,8 @@ impl UnseenTraining<'_> {
         let export = Export {
             name: &name,
             metric_version: METRIC_VERSION,
+            // Judges are compared in grades, whatever the study's scale.
+            scale: RatingScale::GRADES,
             descriptors,
             // Only the prediction itself is used, never its interval.
             interval: Interval { level: 0.95, factor: 0.0, offset: 0.0 },

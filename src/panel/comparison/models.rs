@@ -1,6 +1,6 @@
 //! Models against each other, and samples of a manifold against their distance: section 5.5 of Lavoue et al. 2021.
 //!
-//! Of several fits of one model to a material, the one with the highest mean opinion score counts. Left out, as in the paper's
+//! Of several fits of one model to a material, the one with the best mean opinion score counts. Left out, as in the paper's
 //! figures 9 and 10, are samples of a manifold, which are no fits of a model, and models that were not fitted to every material.
 
 use super::{Comparison, MANIFOLD, METHOD, MODEL, STEP};
@@ -27,7 +27,7 @@ pub(super) struct BetterFits {
 }
 
 impl Comparison<'_> {
-    /// Of `rows`, the one with the highest mean opinion score for every material and model, hidden references included; `None`
+    /// Of `rows`, the one with the best mean opinion score for every material and model, hidden references included; `None`
     /// where no model that was fitted to every material was fitted in several ways.
     pub(super) fn better_fits(&self, rows: &[usize]) -> Option<BetterFits> {
         let fits = |row: &&usize| !self.opinions[**row].stimulus.is_reference();
@@ -65,13 +65,13 @@ impl Comparison<'_> {
         })
     }
 
-    /// Of `rows`, the one with the highest score for every material and model.
+    /// Of `rows`, the one with the best score for every material and model.
     fn best(&self, rows: &[usize]) -> Vec<usize> {
         let mut best: BTreeMap<(&str, &str), usize> = BTreeMap::new();
         for &row in rows {
             let stimulus = &self.opinions[row].stimulus;
             let kept = best.entry((&stimulus.material, &stimulus.method_family)).or_insert(row);
-            if self.mos[row] > self.mos[*kept] {
+            if self.scale.direction() * (self.mos[row] - self.mos[*kept]) > 0.0 {
                 *kept = row;
             }
         }
@@ -105,7 +105,8 @@ impl Comparison<'_> {
         at_least("models", scores.len(), 2)?;
         let average = |model: &str| mean(&scores[model].values().copied().collect::<Vec<_>>()).unwrap_or(f64::NAN);
         let mut models: Vec<&str> = scores.keys().copied().collect();
-        models.sort_by(|a, b| average(b).total_cmp(&average(a)).then_with(|| a.cmp(b)));
+        let better = |model: &str| self.scale.direction() * average(model);
+        models.sort_by(|a, b| better(b).total_cmp(&better(a)).then_with(|| a.cmp(b)));
         let mut tested = Vec::new();
         for (place, a) in models.iter().enumerate() {
             for b in &models[place + 1..] {

@@ -3,7 +3,7 @@
 
 use super::curves::{Curves, Learning};
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, legend, observed};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, legend, observed, round_step, shown};
 use crate::evaluation::agreement::Figure as AgreementFigure;
 use crate::evaluation::bootstrap::{Difference, Interval};
 use crate::evaluation::records::{
@@ -13,6 +13,7 @@ use crate::report::{Figure, ReportError, tables};
 use plotters::prelude::DrawingBackend;
 use std::collections::BTreeSet;
 use vernis_metric::io::counted;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// Materials in the figure of errors.
 const MOST_MATERIALS: usize = 40;
@@ -86,7 +87,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
     if !strips.materials.is_empty() {
         let caption = format!(
             "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. {rows}. One mark per rated \
-             pair, by approximation method; right of zero the metric predicts too high a score."
+             pair, by approximation method; right of zero the metric predicts too high a number."
         );
         figures.push(figure("residuals", caption, &strips)?);
     }
@@ -115,6 +116,7 @@ struct Scatter<'a> {
     /// Method, rated, predicted.
     points: Vec<(usize, f64, f64)>,
     range: (f64, f64),
+    scale: RatingScale,
 }
 
 impl<'a> Scatter<'a> {
@@ -128,12 +130,15 @@ impl<'a> Scatter<'a> {
         if points.is_empty() {
             return None;
         }
-        let range = points.iter().fold((1.0f64, 5.0f64), |(low, high), p| (low.min(p.2), high.max(p.2)));
+        let scale = record.scale;
+        let range = points.iter().fold((scale.low(), scale.high()), |(low, high), p| (low.min(p.2), high.max(p.2)));
+        let margin = scale.width(0.15);
         Some(Self {
             title: observed(&format!("{subject}: predicted and rated"), record.synthetic),
             methods,
             points,
-            range: (range.0 - 0.15, range.1 + 0.15),
+            range: (range.0 - margin, range.1 + margin),
+            scale,
         })
     }
 }
@@ -149,6 +154,7 @@ impl Picture for Scatter<'_> {
             x_label: "rated MOS",
             y_label: "predicted MOS",
             range: self.range,
+            step_of: (self.scale.low(), self.scale.high()),
             methods: &self.methods,
             points: &self.points,
         }
@@ -314,6 +320,7 @@ struct Strips<'a> {
     methods: Vec<&'a str>,
     /// Name, and (method, error) of its rows; the largest errors first.
     materials: Vec<(&'a str, Vec<(usize, f64)>)>,
+    scale: RatingScale,
 }
 
 impl<'a> Strips<'a> {
@@ -333,7 +340,7 @@ impl<'a> Strips<'a> {
             .filter(|(_, errors)| !errors.is_empty())
             .collect();
         let words = format!("Largest errors: {} of {}", materials.len(), counted(record.residuals.len(), "material"));
-        Self { title: observed(&words, record.synthetic), methods, materials }
+        Self { title: observed(&words, record.synthetic), methods, materials, scale: record.scale }
     }
 }
 
@@ -349,17 +356,23 @@ impl Picture for Strips<'_> {
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
         let errors = self.materials.iter().flat_map(|m| &m.1);
-        let reach = (errors.fold(1.0f64, |a, e| a.max(e.1.abs())) * 2.0).ceil() / 2.0;
+        let grade = self.scale.unit().abs();
+        let reach = (errors.fold(grade, |a, e| a.max(e.1.abs())) / grade * 2.0).ceil() / 2.0 * grade;
         let widths: Vec<f64> = self.materials.iter().map(|m| marks::width(m.0, TEXT)).collect::<Result<_, _>>()?;
         let margin = widths.iter().fold(40.0f64, |a, &b| a.max(b)) + 36.0;
         let x = Axis { data: (-reach, reach), pixels: (margin.min(360.0), 690.0) };
         let bottom = STRIPS_TOP + STRIP * self.materials.len() as f64;
         canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
         canvas.words("predicted minus rated MOS", (x.at(0.0), bottom + 42.0), TEXT, Anchor::Middle)?;
-        for tick in x.ticks(if reach > 2.0 { 1.0 } else { 0.5 }) {
+        let step = match self.scale.is_grades() {
+            true if reach > 2.0 => 1.0,
+            true => 0.5,
+            false => round_step(reach),
+        };
+        for tick in x.ticks(step) {
             let colour = if tick == 0.0 { INK } else { FAINT };
             canvas.line((x.at(tick), STRIPS_TOP - 16.0), (x.at(tick), bottom), colour, 1.0)?;
-            canvas.words(&format!("{tick}"), (x.at(tick), bottom + 16.0), TEXT, Anchor::Middle)?;
+            canvas.words(&shown(tick), (x.at(tick), bottom + 16.0), TEXT, Anchor::Middle)?;
         }
         for (i, (material, errors)) in self.materials.iter().enumerate() {
             let y = STRIPS_TOP + STRIP * i as f64;

@@ -1,17 +1,19 @@
 //! Curves of a benchmark: ratings over distances, agreement over the number of materials.
 
 use super::marks::{Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, TEXT, TITLE, WIDTH, observed};
+use super::{Axis, TEXT, TITLE, WIDTH, observed, round_step, scored, shown};
 use crate::evaluation::agreement::Figure;
 use crate::evaluation::records::{BenchmarkRecord, CurveRecord, LearningPoint, RowSet, Split};
 use plotters::prelude::DrawingBackend;
 use std::collections::BTreeSet;
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// Panels, two a row, of ratings against distances.
 pub(super) struct Curves<'a> {
     title: String,
     methods: Vec<&'a str>,
     panels: Vec<&'a CurveRecord>,
+    scale: RatingScale,
 }
 
 const PANEL: (f64, f64) = (450.0, 400.0);
@@ -22,7 +24,12 @@ impl<'a> Curves<'a> {
         let panels: Vec<&CurveRecord> = record.curves.iter().filter(|curve| !curve.points.is_empty()).collect();
         let methods: BTreeSet<&str> = panels.iter().flat_map(|c| &c.points).map(|p| p.method.as_str()).collect();
         let title = observed("Ratings and distances", record.synthetic);
-        (!panels.is_empty()).then_some(Self { title, methods: methods.into_iter().collect(), panels })
+        (!panels.is_empty()).then_some(Self {
+            title,
+            methods: methods.into_iter().collect(),
+            panels,
+            scale: record.scale,
+        })
     }
 
     fn rows(&self) -> f64 {
@@ -42,12 +49,13 @@ impl Picture for Curves<'_> {
             let corner = (PANEL.0 * (i % 2) as f64, TOP + PANEL.1 * (i / 2) as f64);
             let most = panel.points.iter().map(|p| p.distance).fold(0.0, f64::max);
             let x = Axis { data: (0.0, most.max(f64::MIN_POSITIVE)), pixels: (corner.0 + 50.0, corner.0 + 430.0) };
-            let y = Axis { data: (1.0, 5.0), pixels: (corner.1 + 340.0, corner.1 + 30.0) };
+            let range = (self.scale.low(), self.scale.high());
+            let y = Axis { data: range, pixels: (corner.1 + 340.0, corner.1 + 30.0) };
             canvas.words(&panel.metric, (x.pixels.1, y.pixels.0 + 44.0), TEXT, Anchor::Right)?;
-            canvas.words("MOS", (corner.0 + 20.0, corner.1 + 8.0), TEXT, Anchor::Left)?;
-            for tick in y.ticks(1.0) {
+            canvas.words(&scored(self.scale), (corner.0 + 20.0, corner.1 + 8.0), TEXT, Anchor::Left)?;
+            for tick in y.ticks(round_step(range.1 - range.0)) {
                 canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
-                canvas.words(&format!("{tick}"), (x.pixels.0 - 12.0, y.at(tick)), TEXT, Anchor::Right)?;
+                canvas.words(&shown(tick), (x.pixels.0 - 12.0, y.at(tick)), TEXT, Anchor::Right)?;
             }
             let step = round_step(most);
             for tick in x.ticks(step) {
@@ -75,20 +83,6 @@ impl Picture for Curves<'_> {
         }
         Ok(())
     }
-}
-
-/// 1, 2 or 5 times a power of ten, four to ten of which reach `most`.
-fn round_step(most: f64) -> f64 {
-    let rough = most.max(1e-9) / 4.0;
-    let power = 10f64.powf(rough.log10().floor());
-    power
-        * if rough >= 5.0 * power {
-            5.0
-        } else if rough >= 2.0 * power {
-            2.0
-        } else {
-            1.0
-        }
 }
 
 /// Agreement over the number of groups of materials that were trained on.

@@ -9,6 +9,7 @@ pub mod study;
 use super::{Figure, ReportError};
 use marks::{Anchor, Canvas, Drawn, FAINT, INK, Picture};
 use plotters::prelude::DrawingBackend;
+use vernis_metric::math::rating_scale::RatingScale;
 
 const WIDTH: u32 = 900;
 const TITLE: f64 = 22.0;
@@ -48,6 +49,8 @@ struct Square<'a> {
     x_label: &'a str,
     y_label: &'a str,
     range: (f64, f64),
+    /// The ends of the scale, which decide the ticks.
+    step_of: (f64, f64),
     methods: &'a [&'a str],
     /// Method, x, y.
     points: &'a [(usize, f64, f64)],
@@ -60,11 +63,11 @@ impl Square<'_> {
         canvas.words(self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
         canvas.words(self.y_label, (20.0, 58.0), TEXT, Anchor::Left)?;
         canvas.words(self.x_label, (660.0, 724.0), TEXT, Anchor::Right)?;
-        for tick in x.ticks(1.0) {
+        for tick in x.ticks(round_step(self.step_of.1 - self.step_of.0)) {
             canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
             canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
-            canvas.words(&format!("{tick}"), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
-            canvas.words(&format!("{tick}"), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
+            canvas.words(&shown(tick), (x.at(tick), 698.0), TEXT, Anchor::Middle)?;
+            canvas.words(&shown(tick), (48.0, y.at(tick)), TEXT, Anchor::Right)?;
         }
         canvas.line((x.pixels.0, y.pixels.0), (x.pixels.1, y.pixels.1), INK, 1.0)?;
         for &(method, at_x, at_y) in self.points {
@@ -72,6 +75,30 @@ impl Square<'_> {
         }
         legend(canvas, self.methods, 690.0, 90.0)
     }
+}
+
+/// 1, 2 or 5 times a power of ten, four to ten of which reach `most`.
+fn round_step(most: f64) -> f64 {
+    let rough = most.max(1e-9) / 4.0;
+    let power = 10f64.powf(rough.log10().floor());
+    power
+        * if rough >= 5.0 * power {
+            5.0
+        } else if rough >= 2.0 * power {
+            2.0
+        } else {
+            1.0
+        }
+}
+
+/// What an axis of scores says.
+fn scored(scale: RatingScale) -> String {
+    if scale.is_grades() { "MOS".to_owned() } else { format!("MOS, {scale}") }
+}
+
+/// A tick without what rounding left of it.
+fn shown(tick: f64) -> String {
+    format!("{}", (tick * 1e9).round() / 1e9 + 0.0)
 }
 
 /// A title that says where observers were simulated.

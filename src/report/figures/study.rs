@@ -1,13 +1,14 @@
 //! The figures of a study's ratings: how much was rated, box plots of mean opinion scores, one illumination against the other.
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed, round_step, scored, shown};
 use crate::panel::record::{BoxSet, ManifoldCorrelation, NamedBox, StudyRecord};
 use crate::panel::{BY_MODEL, BY_MODEL_AND_TYPE, BoxPlot};
 use crate::report::study::manifold;
 use crate::report::{Figure, ReportError};
 use plotters::prelude::DrawingBackend;
 use std::collections::{BTreeMap, BTreeSet};
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// The figure of the samples of a manifold.
 const MANIFOLD_FIGURE: &str = "mos-by-manifold-step";
@@ -29,7 +30,7 @@ const BOXES: [(&str, &str, &str); 8] = [
     (
         "mos-by-model",
         BY_MODEL,
-        "Mean opinion scores by model; of several fits of a model to a material, the one with the highest score",
+        "Mean opinion scores by model; of several fits of a model to a material, the one with the best score",
     ),
     (
         "mos-by-model-and-type",
@@ -193,6 +194,7 @@ enum Of {
 struct Boxes<'a> {
     title: String,
     of: Of,
+    scale: RatingScale,
     rows: Vec<(String, &'a NamedBox, &'a BoxPlot)>,
     /// Below the axis.
     words: String,
@@ -211,7 +213,8 @@ impl<'a> Boxes<'a> {
         let mut rows: Vec<_> = set.boxes.iter().filter_map(row).collect();
         // Methods by their scores; what has an order or two levels a factor keeps it.
         if set.factors == ["method"] {
-            rows.sort_by(|a, b| b.2.median.total_cmp(&a.2.median).then_with(|| a.0.cmp(&b.0)));
+            let quality = |plot: &BoxPlot| record.scale.direction() * plot.median;
+            rows.sort_by(|a, b| quality(b.2).total_cmp(&quality(a.2)).then_with(|| a.0.cmp(&b.0)));
         }
         let what = match of {
             Of::Mos => "Mean opinion scores",
@@ -230,15 +233,16 @@ impl<'a> Boxes<'a> {
             }
             _ => String::new(),
         };
-        Self { title: observed(&title, record.synthetic), of, rows, words }
+        Self { title: observed(&title, record.synthetic), of, scale: record.scale, rows, words }
     }
 
     fn range(&self) -> (f64, f64) {
         match self.of {
-            Of::Mos => (1.0, 5.0),
+            Of::Mos => (self.scale.low(), self.scale.high()),
             Of::IntervalWidth => {
                 let ends = self.rows.iter().flat_map(|r| r.2.outliers.iter().chain(&r.2.whiskers));
-                (0.0, (ends.copied().fold(0.1, f64::max) * 5.0).ceil() / 5.0)
+                let grade = self.scale.unit().abs();
+                (0.0, (ends.copied().fold(0.1 * grade, f64::max) / grade * 5.0).ceil() / 5.0 * grade)
             }
         }
     }
@@ -254,12 +258,18 @@ impl Picture for Boxes<'_> {
         let x = Axis { data: self.range(), pixels: (left, f64::from(WIDTH) - 40.0) };
         let bottom = TOP + ROW * self.rows.len() as f64;
         canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
-        for tick in x.ticks(if self.of == Of::Mos { 1.0 } else { 0.2 }) {
+        let step = match self.of {
+            Of::Mos => round_step(x.data.1 - x.data.0),
+            Of::IntervalWidth if self.scale.is_grades() => 0.2,
+            Of::IntervalWidth => round_step(x.data.1),
+        };
+        for tick in x.ticks(step) {
             canvas.line((x.at(tick), TOP - 6.0), (x.at(tick), bottom), FAINT, 1.0)?;
-            let label = if self.of == Of::Mos { format!("{tick:.0}") } else { format!("{:.1}", tick + 0.0) };
+            let widths = self.of == Of::IntervalWidth && self.scale.is_grades();
+            let label = if widths { format!("{:.1}", tick + 0.0) } else { shown(tick) };
             canvas.words(&label, (x.at(tick), bottom + 18.0), TEXT, Anchor::Middle)?;
         }
-        canvas.words("MOS", (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
+        canvas.words(&scored(self.scale), (x.pixels.1, bottom + 44.0), TEXT, Anchor::Right)?;
         if !self.words.is_empty() {
             canvas.words(&self.words, (20.0, bottom + 44.0), TEXT, Anchor::Left)?;
         }
@@ -292,6 +302,7 @@ impl Picture for Boxes<'_> {
 struct Lights<'a> {
     title: String,
     names: [&'a str; 2],
+    scale: RatingScale,
     methods: Vec<&'a str>,
     /// Method, score under the first, score under the second.
     points: Vec<(usize, f64, f64)>,
@@ -310,7 +321,7 @@ impl<'a> Lights<'a> {
         let place = |method: &str| methods.iter().position(|m| *m == method).unwrap_or(0);
         let points: Vec<_> = both.iter().map(|(method, x, y)| (place(method), *x, *y)).collect();
         let title = observed(&format!("Mean opinion scores under {a} and {b}"), record.synthetic);
-        (!points.is_empty()).then_some(Self { title, names: [a, b], methods, points })
+        (!points.is_empty()).then_some(Self { title, names: [a, b], scale: record.scale, methods, points })
     }
 }
 
@@ -324,7 +335,8 @@ impl Picture for Lights<'_> {
             title: &self.title,
             x_label: &format!("MOS under {}", self.names[0]),
             y_label: &format!("MOS under {}", self.names[1]),
-            range: (1.0, 5.0),
+            range: (self.scale.low(), self.scale.high()),
+            step_of: (self.scale.low(), self.scale.high()),
             methods: &self.methods,
             points: &self.points,
         }

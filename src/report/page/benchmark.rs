@@ -13,20 +13,27 @@ use vernis_metric::io::counted;
 const MOST_RESIDUALS: usize = 15;
 
 const HOW_TO_READ: &str = "\
-A learned metric predicts a mean opinion score: 5 means that people would not tell the \
-candidate from the reference, 1 that it looks very different. PLCC and SROCC say how linear and how well ordered the \
+PLCC and SROCC say how linear and how well ordered the \
 relation between predictions and ratings is (1 is perfect, 0 is none). Unless a figure says in sample, it is measured on \
 materials that neither the metric nor its map to the scale of the ratings has seen. Intervals contain 95 % of the \
 resamples of the materials. The mean of folds is that of the PLCC / SROCC that each fold has on its own: a correlation over the rows \
 of all folds at once is biased downwards for weak predictors, below 0 for ratings dealt at random, because a fold whose held-out \
 ratings are high was trained on ratings that are low on average. Quote a score together with the version of the metric.";
 
+fn how_to_read(record: &BenchmarkRecord) -> String {
+    let (worst, best) = (record.scale.worst(), record.scale.best());
+    format!(
+        "A learned metric predicts a mean opinion score: {best} means that people would not tell the candidate from the reference, \
+         {worst} that it looks very different. {HOW_TO_READ}"
+    )
+}
+
 /// The headline table and how to read it.
 pub fn headline(record: &BenchmarkRecord) -> Markup {
     html! {
         (tables::headline(record).to_html())
         @if let Some(defeat) = tables::defeat(record) { p.banner { (defeat) } }
-        p { (HOW_TO_READ) }
+        p { (how_to_read(record)) }
     }
 }
 
@@ -68,7 +75,7 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     if let Some(defeat) = tables::defeat(record) {
         push(&mut page, format_args!("**{defeat}**\n\n"));
     }
-    push(&mut page, format_args!("{HOW_TO_READ}\n"));
+    push(&mut page, format_args!("{}\n", how_to_read(record)));
     for figure in figures {
         let caption = text(&figure.caption);
         push(&mut page, format_args!("\n![{}]({}.png)\n\n{caption}\n", figure.name, figure.name));
@@ -119,13 +126,13 @@ fn calibration(record: &BenchmarkRecord) -> Option<String> {
     let found = record.calibration?;
     Some(format!(
         "Intervals with a nominal coverage of {:.0} % contained {:.1} % of {}; {:.1} % lay below and {:.1} % above. \
-         Their mean width is {:.2} MOS.",
+         Their mean width is {} MOS.",
         100.0 * found.nominal,
         100.0 * found.covered,
         counted(found.rows, "held-out rating"),
         100.0 * found.below,
         100.0 * found.above,
-        found.mean_width
+        record.scale.show(found.mean_width)
     ))
 }
 
@@ -147,6 +154,11 @@ pub fn provenance(record: &BenchmarkRecord) -> Vec<(String, String)> {
             ),
         ),
     ];
+    lines.push(("scale of the ratings".to_owned(), record.scale.to_string()));
+    if let Some(identical) = &record.identical {
+        let score = record.scale.show(identical.score);
+        lines.push(("score of identical BRDFs".to_owned(), format!("{score} ({})", identical.basis)));
+    }
     lines.extend(record.versions.iter().map(|(name, version)| (format!("version of {name}"), version.clone())));
     lines.extend(record.data_hashes.iter().map(|(name, hash)| (format!("SHA-256 of {name}"), hash.clone())));
     lines

@@ -3,6 +3,7 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
+use vernis_metric::math::rating_scale::RatingScale;
 
 /// A material of a study.
 pub struct Material {
@@ -29,23 +30,24 @@ pub struct Candidate {
 }
 
 /// One section a material, in the order given; the first `open` are unfolded.
-pub fn section(materials: &[Material], open: usize, light: &str) -> Markup {
+pub fn section(materials: &[Material], open: usize, light: &str, scale: RatingScale) -> Markup {
+    let on = if scale.is_grades() { "1 to 5".to_owned() } else { scale.to_string() };
     html! {
         @if !materials.is_empty() {
             h2 { "Materials" }
             p {
                 "A sphere under " (light) ", all at the same exposure. Rated and predicted mean opinion scores are on the \
-                 scale from 1 to 5; the materials with the largest errors of the metric come first."
+                 scale from " (on) "; the materials with the largest errors of the metric come first."
             }
             @for (i, material) in materials.iter().enumerate() {
                 details.material open[i < open] {
                     summary {
                         (material.name)
-                        @if let Some(error) = material.error { " (off by " (format!("{error:.2}")) ")" }
+                        @if let Some(error) = material.error { " (off by " (scale.show(error)) ")" }
                     }
                     div.spheres {
                         (sphere(&material.reference, &format!("{}, reference", material.name)))
-                        @for candidate in &material.candidates { (of_candidate(material, candidate)) }
+                        @for candidate in &material.candidates { (of_candidate(material, candidate, scale)) }
                     }
                 }
             }
@@ -53,9 +55,9 @@ pub fn section(materials: &[Material], open: usize, light: &str) -> Markup {
     }
 }
 
-fn of_candidate(material: &Material, candidate: &Candidate) -> Markup {
-    let predicted = candidate.predicted.map_or(String::new(), |p| format!(", predicted {p:.2}"));
-    let words = format!("{}: rated {:.2}{predicted}", candidate.method, candidate.mos);
+fn of_candidate(material: &Material, candidate: &Candidate, scale: RatingScale) -> Markup {
+    let predicted = candidate.predicted.map_or(String::new(), |p| format!(", predicted {}", scale.show(p)));
+    let words = format!("{}: rated {}{predicted}", candidate.method, scale.show(candidate.mos));
     let alt = format!("{}, {}", material.name, candidate.method);
     html! { div { img src=(data(&candidate.picture)) alt=(alt) width="64" height="64"; (words) } }
 }

@@ -17,7 +17,7 @@
 use super::network::{LEAK, Stack, cosine_rate, device, read, tensor};
 use crate::samples::split::TrainingSet;
 use crate::train::standardize::Standardized;
-use crate::train::{IDENTITY_MOS, INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
+use crate::train::{INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use burn::optim::{AdamWConfig, GradientsParams};
 use burn::tensor::{Device, Tensor};
 use ndarray::Array2;
@@ -104,7 +104,7 @@ impl Trainer for NeuralNetwork {
         let table = Table {
             z: single(&data.z),
             z0: single(&data.z0),
-            target: set.mos().iter().map(|m| (m - IDENTITY_MOS) as f32).collect(),
+            target: set.mos().iter().map(|m| (m - set.identical()) as f32).collect(),
             weight: set.weights().iter().map(|&w| w as f32).collect(),
             difference: data
                 .standardizer
@@ -122,7 +122,7 @@ impl Trainer for NeuralNetwork {
             return Err(TrainError::Diverged { trainer: self.name().into(), what: "a weight", epochs });
         }
         let regressor = Regressor {
-            identity_mos: IDENTITY_MOS,
+            identity_mos: set.identical(),
             inputs: data.inputs,
             terms: vec![Term {
                 weight: 1.0,

@@ -1,5 +1,5 @@
 //! Directions, coordinates, colour spaces, correlations, quantiles, least squares, Cholesky factors, the simplex of Nelder and
-//! Mead, the logistic curve, dense layers, dual numbers, the error function, resamples and seeds.
+//! Mead, the logistic curve, dense layers, dual numbers, the error function, resamples, scales of ratings and seeds.
 //!
 //! Nothing in this room knows what a BRDF is.
 
@@ -15,6 +15,7 @@ pub mod least_squares;
 pub mod logistic;
 pub mod nelder_mead;
 pub mod quantile;
+pub mod rating_scale;
 pub mod resampling;
 pub mod seed;
 pub mod spherical_harmonics;

@@ -13,6 +13,7 @@ pub use share::{PreparedMetrics, PreparedResult, PreparedShare, Share, ShareKey,
 use crate::brdf::{Brdf, Grid};
 use crate::descriptor::{Cache, CacheWarning};
 use crate::io::did_you_mean;
+use crate::math::rating_scale::RatingScale;
 use crate::math::{Rgb, Vec3};
 use graph::GraphGrid;
 use serde::Serialize;
@@ -120,14 +121,16 @@ impl MetricError {
 /// What a metric that was learned from ratings predicts for a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Score {
-    /// In points of mean opinion score (MOS) below that of identical BRDFs, 0 or more: 0 is identical, larger is worse.
+    /// In points of mean opinion score (MOS) worse than identical BRDFs, 0 or more: 0 is identical, larger is worse.
     pub distance: f64,
-    /// Mean opinion score, 1 to 5.
+    /// Mean opinion score, on the scale.
     pub mos: f64,
-    /// Lower end of the interval, 1 to 5.
+    /// Lower end of the interval, on the scale.
     pub low: f64,
-    /// Upper end of the interval, 1 to 5.
+    /// Upper end of the interval, on the scale.
     pub high: f64,
+    /// The scale of the ratings that the metric was learned from.
+    pub scale: RatingScale,
 }
 
 /// What a metric says of a pair.

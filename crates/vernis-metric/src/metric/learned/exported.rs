@@ -4,6 +4,7 @@
 //! format         1; a reader refuses newer ones
 //! name           such as "vernis"
 //! metric_version of the numbers; quote it with any score
+//! scale          {worst, best, open}: the scale of the ratings and of every score here; absent for 1 (worst) to 5 (best)
 //! descriptors    {setup, set: {families, embeddings}}: which descriptors, computed how
 //! regressor      {identity_mos, inputs: [{name, role}], terms: [{weight, standardizer, function}]}, see `Regressor`
 //! members        [[term, ...], ...]: the same trained on resampled materials, for the spread of a prediction
@@ -15,14 +16,16 @@
 //! Keys keep this order and numbers their shortest form that reads back as the same f64, so that the same metric gives
 //! the same bytes. With p = `regressor.predict` a pair gets
 //!
-//!   distance = max(0, identity_mos - p),   mos = clip(p, 1, 5),   low, high = clip(p -+ factor (spread + offset), 1, 5),
+//!   distance = max(0, d (identity_mos - p)),   mos = clip(p),   low, high = clip(p -+ factor (spread + offset)),
 //!
-//! spread being the standard deviation of the members' predictions. Identical BRDFs get a distance of exactly 0.
+//! spread being the standard deviation of the members' predictions, d 1 where larger scores are better and -1 where they are
+//! worse, clip the end of the scale for what lies beyond. Identical BRDFs get a distance of exactly 0.
 
 use super::regressor::{Input, Regressor, RegressorError, Term, difference};
 use crate::brdf::ContentHash;
 use crate::descriptor::{DescriptorError, DescriptorSet, Family, SetupId};
 use crate::io::shown;
+use crate::math::rating_scale::RatingScale;
 use crate::metric::Score;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -171,6 +174,9 @@ pub struct ExportedMetric {
     pub name: String,
     /// Version of its numbers; quote it with any score.
     pub metric_version: String,
+    /// The scale of its scores.
+    #[serde(default, skip_serializing_if = "RatingScale::is_grades")]
+    pub scale: RatingScale,
     /// Which descriptors it takes.
     pub descriptors: Descriptors,
     /// From descriptors to a mean opinion score.
@@ -207,6 +213,7 @@ impl ExportedMetric {
             format: FORMAT,
             name: name.to_owned(),
             metric_version: metric_version.to_owned(),
+            scale: RatingScale::GRADES,
             descriptors,
             regressor: regressor.rounded(DIGITS),
             members: members.into_iter().map(|m| m.rounded(DIGITS).terms).collect(),
@@ -215,6 +222,25 @@ impl ExportedMetric {
         };
         metric.check(name)?;
         Ok(metric)
+    }
+
+    /// A metric in grades, 1 to 5, as one whose scores, distances and intervals are on `scale`.
+    ///
+    /// # Errors
+    /// A metric that is on another scale already; numbers that leave their range.
+    pub fn on_scale(mut self, scale: RatingScale) -> Result<Self, ExportedError> {
+        if !self.scale.is_grades() {
+            let reason = format!("its scores are on the scale {}, not in grades", self.scale);
+            return Err(ExportedError::Write { name: self.name, reason });
+        }
+        self.scale = scale;
+        // Terms are differences of scores, so that their weights carry the unit.
+        self.regressor.identity_mos = scale.clamp(scale.score(self.regressor.identity_mos));
+        let terms = self.regressor.terms.iter_mut().chain(self.members.iter_mut().flatten());
+        terms.for_each(|term| term.weight = scale.difference(term.weight));
+        self.interval.offset = scale.width(self.interval.offset);
+        self.check(&self.name)?;
+        Ok(self)
     }
 
     /// Reads the text of a file; `file` names it in errors.
@@ -278,7 +304,10 @@ impl ExportedMetric {
     pub fn content(&self) -> ContentHash {
         let parts = (&self.metric_version, &self.descriptors, &self.regressor, &self.members, &self.interval);
         // Numbers, texts and lists have a form in JSON.
-        ContentHash::of(&serde_json::to_vec(&parts).unwrap_or_default())
+        if self.scale.is_grades() {
+            return ContentHash::of(&serde_json::to_vec(&parts).unwrap_or_default());
+        }
+        ContentHash::of(&serde_json::to_vec(&(parts, self.scale)).unwrap_or_default())
     }
 
     /// The score of a pair from its descriptors, in the order of `regressor.inputs`.
@@ -286,18 +315,24 @@ impl ExportedMetric {
         let prediction = self.prediction(raw)?;
         let half = self.interval.factor * (self.spread(raw) + self.interval.offset);
         self.finite("the half-width of the interval", half)?;
-        let clip = |mos: f64| mos.clamp(1.0, 5.0);
+        let clip = |mos: f64| self.scale.clamp(mos);
         Ok(Score {
-            distance: (self.regressor.identity_mos - prediction).max(0.0),
+            distance: self.below_identical(prediction).max(0.0),
             mos: clip(prediction),
             low: clip(prediction - half),
             high: clip(prediction + half),
+            scale: self.scale,
         })
     }
 
     /// The distance of [`ExportedMetric::score`] before it is cut off at zero: a fit needs the slope there.
     pub fn signed_distance(&self, raw: &[f64]) -> Result<f64, ExportedError> {
-        Ok(self.regressor.identity_mos - self.prediction(raw)?)
+        Ok(self.below_identical(self.prediction(raw)?))
+    }
+
+    /// How much worse a prediction is than that of identical BRDFs.
+    fn below_identical(&self, prediction: f64) -> f64 {
+        self.scale.direction() * (self.regressor.identity_mos - prediction)
     }
 
     fn prediction(&self, raw: &[f64]) -> Result<f64, ExportedError> {
@@ -349,8 +384,9 @@ impl ExportedMetric {
                 return value(what, x.to_string(), "0 or more, and at most 1000000");
             }
         }
-        if !(1.0..=5.0).contains(&self.regressor.identity_mos) {
-            return value("identity_mos", self.regressor.identity_mos.to_string(), "1 to 5");
+        if !self.scale.contains(self.regressor.identity_mos) {
+            let allowed = if self.scale.is_grades() { "1 to 5" } else { "on the scale of the file" };
+            return value("identity_mos", self.regressor.identity_mos.to_string(), allowed);
         }
         let expected: Vec<Input> = self.descriptors.set.columns().iter().map(Input::from).collect();
         let shown = |inputs: &[Input], i: usize| match inputs.get(i) {

@@ -119,6 +119,8 @@ impl Metric for LearnedMetric {
     }
 
     fn properties(&self) -> Properties {
+        let scale = self.exported.scale;
+        let on = if scale.is_grades() { String::new() } else { format!(", scores on {scale}") };
         let made_of = if self.exported.provenance.synthetic { "SYNTHETIC ratings" } else { "human ratings" };
         Properties {
             family: super::FAMILY,
@@ -126,7 +128,7 @@ impl Metric for LearnedMetric {
             symmetric: false,
             usable_as_loss: true,
             summary: format!(
-                "learned from {made_of} of {} pairs ({}), version {}",
+                "learned from {made_of} of {} pairs ({}), version {}{on}",
                 self.exported.provenance.rows, self.exported.provenance.study, self.exported.metric_version
             ),
             source: "vernis; see the model card",

@@ -234,7 +234,7 @@ pub struct Term {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Regressor {
-    /// The score of identical BRDFs, 1 to 5.
+    /// The score of identical BRDFs, on the scale of the ratings.
     pub identity_mos: f64,
     /// The descriptors that it takes, in order.
     pub inputs: Vec<Input>,
@@ -243,7 +243,7 @@ pub struct Regressor {
 }
 
 impl Regressor {
-    /// The score of one pair from its raw descriptors, in the order of `inputs`; not limited to 1..=5.
+    /// The score of one pair from its raw descriptors, in the order of `inputs`; not limited to the scale.
     ///
     /// # Panics
     /// If `raw` has another length than `inputs`, or the regressor does not pass [`check`](Self::check).

@@ -1,7 +1,8 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
+use super::claims::{self, NoiseArgs, TripletsArgs};
 use super::progress::Bar;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, limits, print, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
@@ -20,6 +21,10 @@ pub struct ExperimentArgs {
 enum Question {
     /// Which loss should a fit have?
     Losses(LossesArgs),
+    /// How well could any metric agree with ratings as noisy as these?
+    Noise(NoiseArgs),
+    /// Do metrics agree with people on which of two materials looks more like a third?
+    Triplets(TripletsArgs),
 }
 
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
@@ -38,26 +43,26 @@ pub struct LossesArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
-    /// Number of references to fit, one of each group of sister materials.
-    #[arg(long, value_name = "N", default_value_t = 30)]
+    /// Number of references to fit, one of each group of sister materials, 2 to 10000.
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = limits::integer(2..=10_000_usize))]
     materials: usize,
-    /// Cells of an Lp metric per cell of its search, along each axis.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    /// Cells of an Lp metric per cell of its search, along each axis, 1 to 15.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = limits::integer(1..=15_usize))]
     grid: usize,
     /// Grid on which transport and the energy distance compare, THETA_IxTHETA_OxPHI_D.
     #[arg(long, value_name = "CELLS", default_value = "12x12x48")]
     graph_grid: String,
-    /// Maximum number of evaluations of a search under a learned metric.
-    #[arg(long, value_name = "N", default_value_t = 400)]
+    /// Maximum number of evaluations of a search under a learned metric, 10 to 1000000.
+    #[arg(long, value_name = "N", default_value_t = 400, value_parser = limits::integer(10..=1_000_000_usize))]
     max_evaluations: usize,
-    /// Cross-validation folds, by material, for the learned metrics.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    /// Cross-validation folds, by material, for the learned metrics: 2 to the number of groups of materials.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = limits::folds)]
     folds: usize,
-    /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
+    /// Bootstrap resamples of materials, 40 to 20000.
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
     resamples: usize,
     /// Seed of the order of materials, folds, training and resamples.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Report the materials finished so far, without fitting.
     #[arg(long)]
@@ -67,17 +72,12 @@ pub struct LossesArgs {
 pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
     match args.experiment {
         Question::Losses(args) => run_losses(shared, &args),
+        Question::Noise(args) => claims::noise(shared, &args),
+        Question::Triplets(args) => claims::triplets(shared, &args),
     }
 }
 
 fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
-    for (flag, found, least) in
-        [("materials", args.materials, 2), ("folds", args.folds, 2), ("max-evaluations", args.max_evaluations, 10)]
-    {
-        if found < least {
-            return Err(user_error(format!("--{flag} is {found}; it must be {least} or more")));
-        }
-    }
     Ok(LossesOptions {
         data: shared.data.clone(),
         cache: workspace::cache(shared)?,

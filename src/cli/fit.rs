@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::view::View;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, limits, print, user_error, workspace};
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -42,14 +42,14 @@ pub struct FitArgs {
     /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients.
     #[arg(long, value_name = "NAME", default_value = "hooke-jeeves")]
     optimizer: String,
-    /// Cells of the metric per cell of the search, along each axis; 1 searches on the metric's own cells.
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    /// Cells of the metric per cell of the search, along each axis, 1 to 15; 1 searches on the metric's own cells.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = limits::integer(1..=15_usize))]
     grid: usize,
     /// Number of starts to search from.
     #[arg(long, value_name = "K", default_value_t = 1)]
     starts: usize,
     /// Seed of the random starts.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Maximum number of evaluations for each start [default: 5000 for Lp metrics, 400 for others].
     #[arg(long, value_name = "N")]

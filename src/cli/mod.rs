@@ -7,10 +7,13 @@ mod compare;
 mod data;
 mod describe;
 #[cfg(feature = "train")]
+mod claims;
+#[cfg(feature = "train")]
 mod experiment;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+mod limits;
 mod manifold;
 mod metrics;
 mod progress;
@@ -54,7 +57,7 @@ pub struct Shared {
     /// Cache folder for computed descriptors [default: $XDG_CACHE_HOME/vernis or ~/.cache/vernis].
     #[arg(long, global = true, env = "VERNIS_CACHE", value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
-    /// Number of worker threads [default: one per core]. Does not change results.
+    /// Number of worker threads, 1 to 1024 [default: one per core]. Does not change results.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
 }

@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::view::View;
-use super::{Shared, fit, print, user_error, workspace};
+use super::{Shared, fit, limits, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::collections::BTreeMap;
@@ -33,8 +33,8 @@ pub struct RefitArgs {
     metric: String,
     #[command(flatten)]
     view: View,
-    /// Cells of the metric per cell of the search, along each axis.
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    /// Cells of the metric per cell of the search, along each axis, 1 to 15.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = limits::integer(1..=15_usize))]
     grid: usize,
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]

@@ -6,7 +6,6 @@ use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vernis::evaluation::bootstrap::MIN_RESAMPLES;
 #[cfg(feature = "train")]
 use vernis::experiment::ExperimentError;
 use vernis::report::OutputFolder;
@@ -132,6 +131,7 @@ pub fn warm_up(shared: &Shared, metrics: &[Arc<dyn Metric>]) -> Result<()> {
 pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
     match error {
         ExperimentError::Study(_) | ExperimentError::Extraction(_) | ExperimentError::Open(_) => user_error(error),
+        ExperimentError::Unsupported { .. } => user_error(error),
         ExperimentError::Descriptor(_) | ExperimentError::Metric { .. } | ExperimentError::Table { .. } => {
             user_error(error)
         }
@@ -147,12 +147,6 @@ pub fn output_file(path: &Path) -> Result<(OutputFolder, String)> {
     })?;
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok((OutputFolder::create(parent).map_err(user_error)?, name.to_owned()))
-}
-
-/// Reads a number of bootstrap resamples.
-pub fn resamples(text: &str) -> Result<usize, String> {
-    let allowed = format!("it must be an integer of at least {MIN_RESAMPLES}");
-    text.parse().ok().filter(|n| *n >= MIN_RESAMPLES).ok_or(allowed)
 }
 
 /// Says what could not be kept.

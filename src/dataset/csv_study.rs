@@ -23,13 +23,19 @@ pub fn load(path: &Path) -> Result<Study, DatasetError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let pairs = parse(path, &bytes, folder)?;
     let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let name = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
+    let name = study_name(&file_name);
     if pairs.is_empty() {
         return Err(DatasetError::NoPairs { study: name, reason: format!("{} has no row", path.display()) });
     }
     let file = StudyFile { name: file_name, content: ContentHash::of(&bytes), as_published: None };
     let completeness = Completeness { found: pairs.len(), known: pairs.len() };
     Ok(Study { name, synthetic: false, completeness, files: vec![file], pairs })
+}
+
+/// The name of its file, ending included, so that no file is taken for a study that vernis knows by that name: a file without an
+/// ending that is called like one has `./` before it.
+fn study_name(file: &str) -> String {
+    if Study::known().contains(&file) { format!("./{file}") } else { file.to_owned() }
 }
 
 fn parse(path: &Path, bytes: &[u8], folder: &Path) -> Result<Vec<RatedPair>, DatasetError> {

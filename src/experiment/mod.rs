@@ -7,10 +7,13 @@
 #[cfg(feature = "train")]
 mod contenders;
 pub mod losses;
+#[cfg(feature = "train")]
+pub mod plan;
 pub mod refit;
 pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;
+pub mod triplets;
 
 #[cfg(feature = "train")]
 pub use train::{BenchmarkOptions, Measurement, Purpose, TrainOptions, Trained, benchmark, train};
@@ -72,6 +75,10 @@ pub enum ExperimentError {
     NothingKept { folder: PathBuf, asked: usize },
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
+    #[error("study {study}: {reason}")]
+    Unsupported { study: String, reason: String },
+    #[error("{metric} could not be measured on unseen materials, so that it cannot be exported: {reason}")]
+    NotMeasured { metric: &'static str, reason: String },
 }
 
 /// Causes are boxed, so that a result takes little room.

@@ -12,6 +12,7 @@ pub mod distribution;
 mod error;
 pub mod intraclass;
 pub mod moments;
+pub mod noise;
 pub mod opinion;
 pub mod record;
 pub mod reliability;

@@ -35,6 +35,9 @@ use vernis_metric::metric::learned::{Regressor, RegressorError};
 /// references of rating studies settle near this.
 pub const IDENTITY_MOS: f64 = 4.5;
 
+/// Rows from which every trainer of the recipe and of the baselines learns.
+pub const LEAST_ROWS: usize = 8;
+
 /// Inner folds for every choice that a trainer makes.
 pub const INNER_FOLDS: usize = 5;
 

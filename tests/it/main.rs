@@ -11,6 +11,8 @@ mod fit;
 mod learned;
 mod losses;
 mod old_files;
+#[cfg(feature = "train")]
+mod plan;
 mod readme;
 mod report;
 mod rooms;

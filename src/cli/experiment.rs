@@ -1,9 +1,10 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
+use super::claims::{self, NoiseArgs, TripletsArgs};
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
-use super::{Shared, cells, print, signals, user_error, workspace};
+use super::{Shared, cells, limits, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
@@ -25,6 +26,10 @@ enum Question {
     Losses(LossesArgs),
     /// Which rebuilt candidates explain the ratings of their method?
     Rebuilt(RebuiltArgs),
+    /// How well could any metric agree with ratings as noisy as these?
+    Noise(NoiseArgs),
+    /// Do metrics agree with people on which of two materials looks more like a third?
+    Triplets(TripletsArgs),
 }
 
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
@@ -45,8 +50,8 @@ pub struct LossesArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
-    /// Number of references to fit, one of each group of sister materials.
-    #[arg(long, value_name = "N", default_value_t = 30)]
+    /// Number of references to fit, one of each group of sister materials, 2 to 10000.
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = limits::integer(2..=10_000_usize))]
     materials: usize,
     /// Grid on which transport and the energy distance compare, THETA_IxTHETA_OxPHI_D [default: 12x12x48].
     #[arg(long, value_name = "GRID")]
@@ -54,20 +59,20 @@ pub struct LossesArgs {
     /// The old spelling of --grid.
     #[arg(long, hide = true)]
     graph_grid: Option<String>,
-    /// Cells of an Lp metric per cell of its search, along each axis [default: 5].
-    #[arg(long, value_name = "N")]
+    /// Cells of an Lp metric per cell of its search, along each axis, 1 to 15 [default: 5].
+    #[arg(long, value_name = "N", value_parser = limits::integer(1..=15_usize))]
     coarsening: Option<usize>,
-    /// Maximum number of evaluations of a search under a learned metric.
-    #[arg(long, value_name = "N", default_value_t = 400)]
+    /// Maximum number of evaluations of a search under a learned metric, 10 to 1000000.
+    #[arg(long, value_name = "N", default_value_t = 400, value_parser = limits::integer(10..=1_000_000_usize))]
     max_evaluations: usize,
-    /// Cross-validation folds, by material, for the learned metrics.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    /// Cross-validation folds, by material, for the learned metrics: 2 to the number of groups of materials.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = limits::folds)]
     folds: usize,
-    /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
+    /// Bootstrap resamples of materials, 40 to 20000.
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
     resamples: usize,
     /// Seed of the order of materials, folds, training and resamples.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Report the materials finished so far, without fitting.
     #[arg(long)]
@@ -78,17 +83,12 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
     match args.experiment {
         Question::Losses(args) => run_losses(shared, &args),
         Question::Rebuilt(args) => run_rebuilt(shared, &args),
+        Question::Noise(args) => claims::noise(shared, &args),
+        Question::Triplets(args) => claims::triplets(shared, &args),
     }
 }
 
 fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
-    for (flag, found, least) in
-        [("materials", args.materials, 2), ("folds", args.folds, 2), ("max-evaluations", args.max_evaluations, 10)]
-    {
-        if found < least {
-            return Err(user_error(format!("--{flag} is {found}; it must be {least} or more")));
-        }
-    }
     let (grid, coarsening) = cells(args)?;
     Ok(LossesOptions {
         data: shared.data.clone(),
@@ -163,14 +163,14 @@ pub struct RebuiltArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
-    /// Cross-validation folds, by material.
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    /// Cross-validation folds, by material: 2 to the number of groups of materials.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
     folds: usize,
-    /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
+    /// Bootstrap resamples of materials, 40 to 20000.
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
     resamples: usize,
     /// Seed of folds, training and resamples.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     #[command(flatten)]
     replace: Replace,

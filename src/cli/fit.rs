@@ -5,7 +5,7 @@ use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::signals::Signals;
 use super::view::View;
-use super::{Shared, plausible, print, user_error, workspace};
+use super::{Shared, limits, plausible, print, user_error, workspace};
 use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "K", default_value_t = 1)]
     starts: usize,
     /// Seed of the random starts.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Maximum number of evaluations for each start [default: 5000 for Lp metrics, 400 for others].
     #[arg(long, value_name = "N")]

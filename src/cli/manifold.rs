@@ -3,7 +3,7 @@
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, limits, print, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
@@ -45,11 +45,11 @@ pub struct ManifoldArgs {
     /// How references become points: latent variables of a Gaussian process, as in the study, or principal components.
     #[arg(long, value_enum, default_value = "gplvm")]
     kind: KindName,
-    /// Dimensions of the manifold [default: 4 latent variables, or all principal components].
-    #[arg(long, value_name = "N", value_parser = dimensions)]
+    /// Dimensions of the manifold, 1 to 1000 and fewer than the references [default: 4 latent variables, or all principal components].
+    #[arg(long, value_name = "N", value_parser = limits::integer(1..=1000_usize))]
     dimension: Option<usize>,
     /// Seed of the direction in which the samples leave the reference.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Kind of table to write.
     #[arg(long, value_enum, default_value = "titopoh")]
@@ -62,11 +62,6 @@ pub struct ManifoldArgs {
     out: PathBuf,
     #[command(flatten)]
     replace: Replace,
-}
-
-fn dimensions(text: &str) -> Result<usize, String> {
-    let allowed = "it must be an integer of at least 1";
-    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| allowed.to_owned())
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -4,6 +4,8 @@
 //! converge (its best result so far is written), 130 and 143 a command that SIGINT (Ctrl-C) or SIGTERM ended (`signals.rs`).
 
 mod cells;
+#[cfg(feature = "train")]
+mod claims;
 mod compare;
 mod data;
 mod describe;
@@ -13,6 +15,7 @@ mod experiment;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+mod limits;
 mod manifold;
 mod metrics;
 mod output;
@@ -68,7 +71,7 @@ pub struct Shared {
     /// ~/.cache/vernis].
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
-    /// Number of worker threads [default: one per core]. Does not change results.
+    /// Number of worker threads, 1 to 1024 [default: one per core]. Does not change results.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
 }

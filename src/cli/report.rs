@@ -1,12 +1,13 @@
 //! `vernis report`: a study's ratings, and how metrics agree with them, as one page.
 
 use super::output::{self, Replace};
-use super::study::{RatingsArgs, describe};
+use super::study::{Ratings, RatingsArgs, describe, load};
 use super::{Shared, print, user_error};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::{DatasetError, Study, manifest};
+use vernis::dataset::opinions::Scores;
+use vernis::dataset::{DatasetError, Study, contradiction, manifest};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::report::{self, Whole, pictures, write_whole};
 use vernis_metric::io::read_at_most;
@@ -34,7 +35,7 @@ Examples:
 pub struct ReportArgs {
     #[command(flatten)]
     ratings: RatingsArgs,
-    /// Folder of an earlier `train` or `benchmark`, or its benchmark.json.
+    /// Folder of an earlier `train` or `benchmark` of the same study, or its benchmark.json.
     #[arg(long, value_name = "DIR")]
     benchmark: Option<PathBuf>,
     /// Folder for the page [default: out/report-STUDY].
@@ -46,10 +47,17 @@ pub struct ReportArgs {
 
 pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     let benchmark = args.benchmark.as_deref().map(read_benchmark).transpose()?;
-    let (record, name) = describe(shared, &args.ratings)?;
-    let default = || Path::new("out").join(format!("report-{name}"));
+    let ratings = load(shared, &args.ratings)?;
+    if let (Some(record), Some(path)) = (&benchmark, &args.benchmark)
+        && let Some(differs) = contradicts(record, &ratings)
+    {
+        let (path, study) = (path.display(), &ratings.opinions.name);
+        return Err(user_error(format!("{path} belongs to another study than {study}: {differs}")));
+    }
+    let default = || Path::new("out").join(format!("report-{}", ratings.short_name()));
     let inputs = args.ratings.inputs().files(args.benchmark.as_deref().map(benchmark_file));
     let folder = output::folder(args.out.as_deref(), default, &report::FILES, &inputs, args.replace)?;
+    let record = describe(&ratings, &args.ratings)?;
     let data = shared.data.as_deref();
     let mut missing = Vec::new();
     let found = PROBES.map(|(name, file)| data.map(|d| (name, d.join(file))).filter(|(_, path)| path.is_file()));
@@ -66,9 +74,10 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     for ((name, file), _) in PROBES.iter().zip(&found).filter(|(_, found)| probed && found.is_none()) {
         missing.push(format!("Energy of the light probe {name} by degree: {file} is not in the data folder."));
     }
-    let materials = match Study::load_on(&name, data, args.ratings.scale_of_study()) {
-        Ok(study) => {
-            pictures::of_study(&study, data, benchmark.as_ref(), &light, usize::MAX).map_err(anyhow::Error::from)?
+    let study = ratings.source.as_deref().map(|source| Study::load_on(source, data, args.ratings.scale_of_study()));
+    let materials = match study.transpose() {
+        Ok(Some(study)) => {
+            pictures::of_study(&study, data, benchmark.as_ref(), &light, usize::MAX).map_err(user_error)?
         }
         // Ratings alone have no BRDFs; a study that is wrong is another matter.
         Err(
@@ -79,7 +88,7 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
             missing.push(format!("Pictures of the materials: {absent}."));
             Vec::new()
         }
-        Err(DatasetError::UnknownStudy { .. }) if args.ratings.is_raw() => {
+        Ok(None) => {
             missing.push("Pictures of the materials: the ratings do not say which BRDFs were rated.".to_owned());
             Vec::new()
         }
@@ -105,6 +114,30 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
 
 fn benchmark_file(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("benchmark.json") } else { path.to_owned() }
+}
+
+/// How a benchmark shows that it was made on other ratings.
+fn contradicts(record: &BenchmarkRecord, ratings: &Ratings) -> Option<String> {
+    let opinions = &ratings.opinions;
+    if record.synthetic != opinions.synthetic {
+        let observers = |synthetic| if synthetic { "simulated observers" } else { "people" };
+        return Some(format!("its ratings are those of {}", observers(record.synthetic)));
+    }
+    let stem = |name: &str| Path::new(name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    // Raw ratings alone have no study that could be another.
+    if ratings.source.is_some() && stem(&record.study) != stem(&opinions.name) {
+        return Some(format!("its study is {}", record.study));
+    }
+    let hashes = record.data_hashes.iter().map(|(name, sha256)| (name.as_str(), sha256.as_str()));
+    // Raw scores have means of their own.
+    let known: Vec<contradiction::Rated<'_>> = match &opinions.scores {
+        Scores::Means(means) => {
+            opinions.stimuli.iter().zip(means).map(|(s, mos)| (&*s.material, &*s.method, Some(*mos))).collect()
+        }
+        Scores::Raw(_) => opinions.stimuli.iter().map(|s| (&*s.material, &*s.method, None)).collect(),
+    };
+    let rated = record.predictions.iter().map(|p| (p.material.as_str(), p.method.as_str(), Some(p.mos)));
+    contradiction::of_pairs(rated, &known).or_else(|| contradiction::of_files(hashes, &opinions.files))
 }
 
 fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {

@@ -2,13 +2,13 @@
 
 use super::output::{self, Inputs, Replace};
 use super::scale::ScaleArgs;
-use super::{Shared, note, print, user_error, workspace};
+use super::{Shared, limits, note, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::opinions::StudyOpinions;
-use vernis::dataset::{DatasetError, DeclaredScale, Study, synthetic};
-use vernis::panel::contradiction;
+use vernis::dataset::{DatasetError, DeclaredScale, Study, contradiction, synthetic};
+use vernis::panel::contradiction as of_pairs;
 use vernis::panel::screening::Criterion;
 use vernis::panel::{Options, StudyRecord, describe as study_of};
 use vernis::report::study;
@@ -50,8 +50,8 @@ pub struct RatingsArgs {
     /// if the data folder has its ratings, else synthetic].
     #[arg(long, value_name = "STUDY")]
     study: Option<String>,
-    /// Raw ratings (.csv, or the .toml that describes one).
-    #[arg(long, value_name = "FILE")]
+    /// Raw ratings (.csv, or the .toml that describes one). With --study, ratings that contradict it are refused.
+    #[arg(long, value_name = "FILE", value_parser = limits::file)]
     ratings: Option<PathBuf>,
     #[command(flatten)]
     scale: ScaleArgs,
@@ -59,8 +59,15 @@ pub struct RatingsArgs {
     #[arg(long, value_delimiter = ',', default_value = "gold,time", value_parser = ["gold", "time", "outlier", "none"])]
     reject: Vec<String>,
     /// Seed of splits and resamples. The same seed gives the same bytes.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
+}
+
+/// The ratings that were asked for.
+pub struct Ratings {
+    pub opinions: StudyOpinions,
+    /// What `Study::load` takes for their BRDFs; `None` for raw ratings alone, which do not say which BRDFs were rated.
+    pub source: Option<String>,
 }
 
 impl RatingsArgs {
@@ -75,17 +82,25 @@ impl RatingsArgs {
         self.scale.declared.filter(|_| own)
     }
 
-    /// Whether raw ratings alone were named, without a study.
-    pub fn is_raw(&self) -> bool {
-        self.study.is_none() && self.ratings.is_some()
+    /// Seed of splits and resamples.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
+impl Ratings {
+    /// Their name for files and folders.
+    pub fn short_name(&self) -> String {
+        Path::new(&self.opinions.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 }
 
 pub fn run(shared: &Shared, args: StudyArgs) -> Result<()> {
-    let (record, name) = describe(shared, &args.ratings)?;
+    let ratings = load(shared, &args.ratings)?;
     let (names, inputs) = (["study.json", "study.md"], args.ratings.inputs());
-    let default = || Path::new("out").join(name);
+    let default = || Path::new("out").join(ratings.short_name());
     let folder = output::folder(args.out.as_deref(), default, &names, &inputs, args.replace)?;
+    let record = describe(&ratings, &args.ratings)?;
     let json = serde_json::to_string_pretty(&record)? + "\n";
     folder.write("study.json", json.as_bytes())?;
     let page = folder.write("study.md", study::markdown(&record).as_bytes())?;
@@ -95,32 +110,43 @@ pub fn run(shared: &Shared, args: StudyArgs) -> Result<()> {
     print(format!("{}\nreport: {}\n", study::text(&record), page.display()))
 }
 
-/// The statistics of the ratings, and the name of their study.
-pub fn describe(shared: &Shared, args: &RatingsArgs) -> Result<(StudyRecord, String)> {
-    let opinions = load(shared, args)?;
+/// The statistics of the ratings.
+pub fn describe(ratings: &Ratings, args: &RatingsArgs) -> Result<StudyRecord> {
+    let opinions = &ratings.opinions;
     let options = Options {
         command: command(args, &opinions.name),
         seed: args.seed,
         rejecting: rejecting(&args.reject)?,
         ..Options::default()
     };
-    let record = study_of(&opinions, &options).map_err(|e| user_error(format!("{}: {e}", opinions.name)))?;
-    Ok((record, opinions.name))
+    study_of(opinions, &options).map_err(|e| user_error(format!("{}: {e}", opinions.name)))
 }
 
-fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
+/// Loads the ratings; a study is found again by what was asked for, never by the name of its file.
+pub fn load(shared: &Shared, args: &RatingsArgs) -> Result<Ratings> {
     let data = shared.data.as_deref();
     let scale = args.scale.declared;
     let raw = args.ratings.as_deref().map(|path| StudyOpinions::load_raw_on(path, scale));
     let raw = raw.transpose().map_err(user_error)?;
     match (&args.study, raw) {
-        (Some(name), Some(raw)) => {
-            let study = StudyOpinions::load_on(name, data, args.scale_of_study()).map_err(user_error)?;
-            workspace::warn(contradictions(&study, &raw));
-            Ok(study.with_raw(raw))
+        (Some(name), raw) => {
+            // With raw ratings, the declared scale is theirs.
+            let of_study = if raw.is_some() { args.scale_of_study() } else { scale };
+            let opinions = StudyOpinions::load_on(name, data, of_study).map_err(user_error)?;
+            let opinions = match raw {
+                None => opinions,
+                Some(raw) => {
+                    if let Some(differs) = contradiction::of_ratings(&opinions, &raw) {
+                        let (study, ratings) = (&opinions.name, &raw.name);
+                        return Err(user_error(format!("{ratings} contradicts the study {study}: {differs}")));
+                    }
+                    workspace::warn(contradictions(&opinions, &raw));
+                    opinions.with_raw(raw)
+                }
+            };
+            Ok(Ratings { opinions, source: Some(name.clone()) })
         }
-        (Some(name), None) => StudyOpinions::load_on(name, data, scale).map_err(user_error),
-        (None, Some(raw)) => Ok(raw),
+        (None, Some(opinions)) => Ok(Ratings { opinions, source: None }),
         (None, None) if scale.is_some() => Err(user_error(format!(
             "--scale is {}, but neither --study nor --ratings was given; name the file whose ratings are on that scale",
             args.scale.declared.map_or(String::new(), |s| s.to_string())
@@ -130,9 +156,10 @@ fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
             Err(missing @ (DatasetError::NoDataFolder { .. } | DatasetError::MissingFile { .. })) => {
                 note(format_args!("study {}: SYNTHETIC observers, generated by code.", synthetic::NAME));
                 note(format_args!("For human ratings name a data folder with --data DIR or VERNIS_DATA ({missing})."));
-                StudyOpinions::load(synthetic::NAME, data).map_err(user_error)
+                let opinions = StudyOpinions::load(synthetic::NAME, data).map_err(user_error)?;
+                Ok(Ratings { opinions, source: Some(synthetic::NAME.to_owned()) })
             }
-            loaded => loaded.map_err(user_error),
+            loaded => Ok(Ratings { opinions: loaded.map_err(user_error)?, source: Some(HUMAN_STUDY.to_owned()) }),
         },
     }
 }
@@ -140,7 +167,7 @@ fn load(shared: &Shared, args: &RatingsArgs) -> Result<StudyOpinions> {
 /// What the ratings and the study that they are said to be of do not agree on.
 fn contradictions(study: &StudyOpinions, raw: &StudyOpinions) -> Vec<String> {
     const SHOWN: usize = 5;
-    let Some(checked) = contradiction::check(study, raw) else { return Vec::new() };
+    let Some(checked) = of_pairs::check(study, raw) else { return Vec::new() };
     if checked.common == 0 {
         let name = &study.name;
         return vec![format!(
@@ -159,7 +186,7 @@ fn contradictions(study: &StudyOpinions, raw: &StudyOpinions) -> Vec<String> {
         study.name,
         all.len(),
         checked.common,
-        contradiction::TOLERANCE,
+        of_pairs::TOLERANCE,
         shown.join("; ")
     )]
 }
@@ -175,12 +202,13 @@ fn rejecting(names: &[String]) -> Result<Vec<Criterion>> {
     Ok(known.into_iter().filter(|(name, _)| names.iter().any(|n| n == name)).map(|(_, c)| c).collect())
 }
 
-/// What asks for the same record again.
+/// What asks for the same record again: without folders, which do not matter.
 fn command(args: &RatingsArgs, study: &str) -> String {
-    let ratings = args.ratings.as_ref().map(|r| format!(" --ratings {}", r.display())).unwrap_or_default();
+    let file = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let ratings = args.ratings.as_ref().map(|r| format!(" --ratings {}", file(r))).unwrap_or_default();
     let study = match (&args.study, &args.ratings) {
         (None, Some(_)) => String::new(),
-        (named, _) => format!(" --study {}", named.as_deref().unwrap_or(study)),
+        _ => format!(" --study {study}"),
     };
     let scale = args.scale.option();
     format!("vernis study{study}{ratings}{scale} --reject {} --seed {}", args.reject.join(","), args.seed)

@@ -3,7 +3,7 @@
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
-use super::{Shared, print, signals, user_error, workspace};
+use super::{Shared, limits, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -65,14 +65,14 @@ pub struct SweepArgs {
     /// Curves: t, t^1/2, t^1/3, t^1/4, log:eta=E with E = 0.001, 0.01, 0.1, 1; log for all four.
     #[arg(long, value_delimiter = ',')]
     phi: Vec<String>,
-    /// Cross-validation folds, by material, of the nested choice.
-    #[arg(long, default_value_t = 10)]
+    /// Cross-validation folds, by material, of the nested choice: 2 to the number of groups of materials.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
     folds: usize,
-    /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = 2000, value_parser = workspace::resamples)]
+    /// Bootstrap resamples of materials, 40 to 20000.
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
     resamples: usize,
     /// Seed of splits and resamples.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Memory for tables, in GiB; tables beyond it are recomputed for every combination.
     #[arg(long, default_value_t = 4.0)]
@@ -182,7 +182,8 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     workspace::warn(&warnings);
     folder.write("sweep.csv", &sweep::csv(&record)?)?;
     let numbers = [done, options.combinations.len()];
-    let report = folder.write("sweep.md", sweep::markdown(&record, &command(&args, &short), numbers).as_bytes())?;
+    let report =
+        folder.write("sweep.md", sweep::markdown(&record, &command(&args, &study.name), numbers).as_bytes())?;
     if args.json {
         return print(serde_json::to_string_pretty(&record)? + "\n");
     }

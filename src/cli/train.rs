@@ -4,18 +4,20 @@ use super::output::{self, Replace};
 use super::progress::Bar;
 use super::scores::ScoresArgs;
 use super::study_input::StudyInput;
-use super::{Shared, note, print, user_error, workspace};
+use super::{Shared, limits, note, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::Study;
+use vernis::dataset::{Study, contradiction};
 use vernis::evaluation::records::BenchmarkRecord;
-use vernis::experiment::train::{RESAMPLES, folds_of, metric_name, metrics};
+use vernis::experiment::plan::Plan;
+use vernis::experiment::train::{RESAMPLES, Stage, metric_name, metrics};
 use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
-use vernis::report::{self, OutputFolder, tables, write_benchmark};
+use vernis::report::{self, OutputFolder, spreadsheet, tables, write_benchmark};
 use vernis::samples::extracted::ExtractedStudy;
 use vernis_metric::light::Light;
+use vernis_metric::metric::registry::Registry;
 
 /// What a run is about.
 #[derive(Args)]
@@ -23,11 +25,12 @@ pub struct StudyOptions {
     #[command(flatten)]
     input: StudyInput,
     /// A whole study in a file of `vernis extract` or `vernis merge`. BRDFs are not needed: embeddings, which are learned from
-    /// BRDFs, are omitted, and so are pictures of missing BRDFs.
-    #[arg(long, value_name = "PARQUET", conflicts_with_all = ["study", "declared", "lights", "shape"])]
+    /// BRDFs, are omitted, and so are pictures of missing BRDFs. With --study, a file that was extracted from another study, or
+    /// from ratings that have changed since, is refused.
+    #[arg(long, value_name = "PARQUET", value_parser = limits::file, conflicts_with_all = ["declared", "lights", "shape"])]
     extracted: Option<PathBuf>,
     /// Seed of splits, resamples and initial weights. The same seed gives the same bytes.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     #[command(flatten)]
     scores: ScoresArgs,
@@ -40,11 +43,11 @@ pub struct StudyOptions {
     /// Whether a metric is exported, and its name where one was given.
     #[arg(skip)]
     exported: Option<Option<String>>,
-    /// Cross-validation folds, by material [default: 10; 5 for the embedded study].
-    #[arg(long, value_name = "N")]
+    /// Cross-validation folds, by material: 2 to the number of groups of materials [default: 10; 5 for the embedded study].
+    #[arg(long, value_name = "N", value_parser = limits::folds)]
     folds: Option<usize>,
-    /// Bootstrap resamples of materials.
-    #[arg(long, default_value_t = RESAMPLES, value_parser = workspace::resamples)]
+    /// Bootstrap resamples of materials, 40 to 20000.
+    #[arg(long, value_name = "N", default_value_t = RESAMPLES, value_parser = limits::resamples)]
     resamples: usize,
     /// Print the benchmark record as JSON instead of the table.
     #[arg(long)]
@@ -61,8 +64,8 @@ Examples:
 pub struct TrainArgs {
     #[command(flatten)]
     options: StudyOptions,
-    /// Name of the exported metric [default: vernis for the open study, else vernis-STUDY].
-    #[arg(long)]
+    /// Name of the exported metric: letters, digits, `-`, `_` and `.` [default: vernis for the open study, else vernis-STUDY].
+    #[arg(long, value_parser = limits::metric_name)]
     name: Option<String>,
 }
 
@@ -88,16 +91,26 @@ struct Job {
     folder: OutputFolder,
     /// The study came without its BRDFs.
     extracted: bool,
+    /// How many of the record's sentences on what is left out were said.
+    said: usize,
 }
 
 pub fn train(shared: &Shared, mut args: TrainArgs) -> Result<()> {
     args.options.exported = Some(args.name.clone());
     let bar = Bar::new();
-    let job = Job::run(shared, &args.options, Purpose::Train, &bar)?;
-    let report = job.write_report(shared)?;
-    let metric = job.measurement.export(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
-    let path = job.folder.write(&format!("{}.vernis.json", metric.name), metric.to_json()?.as_bytes())?;
+    if let Some(name) = &args.name {
+        free_name(name)?;
+    }
+    let mut job = Job::run(shared, &args.options, Purpose::Train, &bar)?;
+    let exported = job.explain(&bar).and_then(|()| {
+        let metric = job.measurement.export(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
+        Ok(job.folder.write(&format!("{}.vernis.json", metric.name), metric.to_json()?.as_bytes())?)
+    });
+    // Whatever became of the one, the other is finished.
+    let report = job.write_report(shared);
     bar.finish();
+    let path = exported.map_err(|error| job.later(error))?;
+    let report = report.map_err(|error| job.later(error))?;
     summary(job.measurement.record(), args.options.json)?;
     if !args.options.json {
         print(format!("metric: {}\nreport: {}\n", path.display(), report.display()))?;
@@ -107,14 +120,24 @@ pub fn train(shared: &Shared, mut args: TrainArgs) -> Result<()> {
 
 pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
     let bar = Bar::new();
-    let job = Job::run(shared, &args.options, Purpose::Benchmark, &bar)?;
+    let mut job = Job::run(shared, &args.options, Purpose::Benchmark, &bar)?;
+    let explained = job.explain(&bar);
     bar.finish();
-    let report = job.write_report(shared)?;
+    let report = job.write_report(shared).map_err(|error| job.later(error))?;
+    explained.map_err(|error| job.later(error))?;
     summary(job.measurement.record(), args.options.json)?;
     if !args.options.json {
         print(format!("report: {}\n", report.display()))?;
     }
     Ok(())
+}
+
+/// That no metric of the program has the name: one would hide the other. The open study's metric is called as it is by default.
+fn free_name(name: &str) -> Result<()> {
+    match Registry::standard()?.resolve(name) {
+        Ok(_) => Err(user_error(format!("--name is {name}, which is a metric of vernis itself; give it another name"))),
+        Err(_) => Ok(()),
+    }
 }
 
 fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
@@ -131,9 +154,6 @@ fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
 
 impl Job {
     fn run(shared: &Shared, options: &StudyOptions, purpose: Purpose, bar: &Bar) -> Result<Self> {
-        if let Some(folds) = options.folds.filter(|folds| *folds < 2) {
-            return Err(user_error(format!("--folds is {folds}; it must be 2 or more")));
-        }
         let mut how = BenchmarkOptions {
             data: shared.data.clone(),
             cache: if options.extracted.is_some() { None } else { workspace::cache(shared)? },
@@ -150,6 +170,15 @@ impl Job {
                 let place = path.display().to_string();
                 extracted.check_whole(&place).map_err(user_error)?;
                 extracted.check_versions(&metrics(&extracted.study)?, &place).map_err(user_error)?;
+                if options.input.is_named() {
+                    let study = options.input.study(shared)?;
+                    if let Some(differs) = contradiction::of_studies(&extracted.study, &study) {
+                        let name = &study.name;
+                        let message =
+                            format!("{place} was not extracted from the study {name} as it is now: {differs}");
+                        return Err(user_error(message));
+                    }
+                }
                 let folder = folder(options, &how, &extracted.study)?;
                 how.scores = options.scores.load(&extracted.study)?;
                 note(format_args!("{place}: embeddings are left out, for they are learned from BRDFs"));
@@ -165,7 +194,41 @@ impl Job {
         };
         let measurement = measurement.map_err(workspace::experiment_error)?;
         workspace::warn(&measurement.warnings);
-        Ok(Self { measurement, folder, extracted: options.extracted.is_some() })
+        // What the plan left out was said before the work.
+        let plan = Plan::of(measurement.study(), &how).map_err(workspace::experiment_error)?;
+        let mut job = Self { measurement, folder, extracted: options.extracted.is_some(), said: plan.left_out.len() };
+        job.keep()?;
+        Ok(job)
+    }
+
+    /// Writes down what is finished, and says what had to be left out.
+    fn keep(&mut self) -> Result<()> {
+        let record = self.measurement.record();
+        for (name, bytes) in spreadsheet::all(record)? {
+            self.folder.write(name, &bytes)?;
+        }
+        self.folder.write("benchmark.json", &serde_json::to_vec_pretty(record)?)?;
+        say(&record.left_out[self.said.min(record.left_out.len())..]);
+        self.said = record.left_out.len();
+        Ok(())
+    }
+
+    /// Adds what explains the measurement, stage by stage.
+    fn explain(&mut self, bar: &Bar) -> Result<()> {
+        for stage in Stage::ALL {
+            let progress = |stage: &str, progress| bar.update(stage, progress);
+            self.measurement.run(stage, &progress).map_err(workspace::experiment_error)?;
+            self.keep()?;
+        }
+        Ok(())
+    }
+
+    /// An error of what follows the measurement, with where the measurement is.
+    fn later(&self, error: anyhow::Error) -> anyhow::Error {
+        let folder = self.folder.path().display();
+        error.context(format!(
+            "the measurement is finished and written ({folder}/benchmark.json), but what follows it failed"
+        ))
     }
 
     /// The page, with pictures of the materials on which the metric is furthest off.
@@ -183,9 +246,17 @@ impl Job {
     }
 }
 
-/// The folder for results, for a study that can be judged.
+/// Says what is left out.
+fn say(sentences: &[String]) {
+    for sentence in sentences {
+        note(sentence);
+    }
+}
+
+/// The folder for results, for a study that can be judged; says what the study does not support.
 fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
-    study.validate(folds_of(how, study)).map_err(user_error)?;
+    let plan = Plan::of(study, how).map_err(workspace::experiment_error)?;
+    say(&plan.left_out);
     let default = || Path::new("out").join(study.short_name());
     let metric = options.exported.as_ref().map(|name| {
         let name = name.clone().unwrap_or_else(|| metric_name(study));

@@ -1,5 +1,6 @@
 //! Lights and shape of the descriptors, as options.
 
+use super::limits;
 use clap::Args;
 use std::path::PathBuf;
 use vernis_metric::descriptor::{DescriptorOptions, Lights, ShapeChoice};
@@ -9,11 +10,11 @@ use vernis_metric::descriptor::{DescriptorOptions, Lights, ShapeChoice};
 pub struct View {
     /// A light probe (latitude/longitude, Radiance .hdr) to train with instead of the lights defined by code; elsewhere, the one that
     /// an exported metric was trained with.
-    #[arg(long, value_name = "HDR")]
+    #[arg(long, value_name = "HDR", value_parser = limits::file)]
     lights: Option<PathBuf>,
     /// A mesh (ASCII .ply) to train with, whose normals weight the pictures instead of the sphere's; elsewhere, the one that an
     /// exported metric was trained with.
-    #[arg(long, value_name = "PLY")]
+    #[arg(long, value_name = "PLY", value_parser = limits::file)]
     shape: Option<PathBuf>,
 }
 

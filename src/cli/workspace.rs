@@ -7,7 +7,6 @@ use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vernis::evaluation::bootstrap::MIN_RESAMPLES;
 #[cfg(feature = "train")]
 use vernis::experiment::ExperimentError;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
@@ -152,6 +151,7 @@ pub fn warm_up(shared: &Shared, metrics: &[Arc<dyn Metric>]) -> Result<()> {
 pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
     match error {
         ExperimentError::Study(_) | ExperimentError::Extraction(_) | ExperimentError::Open(_) => user_error(error),
+        ExperimentError::Unsupported { .. } => user_error(error),
         ExperimentError::Descriptor(_) | ExperimentError::Metric { .. } | ExperimentError::Table { .. } => {
             user_error(error)
         }
@@ -164,12 +164,6 @@ pub fn scales<'a>(scores: impl Iterator<Item = (&'a str, Option<Score>)>) -> Str
     let scored = scores.filter_map(|(metric, score)| Some((metric, score?.scale)));
     let others = scored.filter(|(_, scale)| !scale.is_grades());
     others.map(|(metric, scale)| format!("scores of {metric} are on {scale}\n")).collect()
-}
-
-/// Reads a number of bootstrap resamples.
-pub fn resamples(text: &str) -> Result<usize, String> {
-    let allowed = format!("it must be an integer of at least {MIN_RESAMPLES}");
-    text.parse().ok().filter(|n| *n >= MIN_RESAMPLES).ok_or(allowed)
 }
 
 /// Says what could not be kept.

@@ -30,7 +30,7 @@ pub fn load(path: &Path, scale: Option<DeclaredScale>) -> Result<Study, DatasetE
     let folder = path.parent().unwrap_or(Path::new(""));
     let (pairs, scale) = parse(path, &bytes, folder, scale)?;
     let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let name = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
+    let name = study_name(&file_name);
     if pairs.is_empty() {
         return Err(DatasetError::NoPairs { study: name, reason: format!("{} has no row", path.display()) });
     }
@@ -38,6 +38,12 @@ pub fn load(path: &Path, scale: Option<DeclaredScale>) -> Result<Study, DatasetE
     let completeness = Completeness { found: pairs.len(), known: pairs.len() };
     let identical = Identical::of_pairs(&pairs).unwrap_or_else(|| Identical::assumed(scale));
     Ok(Study { name, synthetic: false, completeness, scale, identical, files: vec![file], pairs })
+}
+
+/// The name of its file, ending included, so that no file is taken for a study that vernis knows by that name: a file without an
+/// ending that is called like one has `./` before it.
+fn study_name(file: &str) -> String {
+    if Study::known().contains(&file) { format!("./{file}") } else { file.to_owned() }
 }
 
 /// The column of the ratings and their scale.

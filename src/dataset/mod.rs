@@ -2,6 +2,7 @@
 //!
 //! Nothing in this room knows how anything is computed from a BRDF.
 
+pub mod contradiction;
 pub mod csv_study;
 pub mod csv_table;
 mod error;
@@ -19,6 +20,7 @@ pub mod raw_ratings;
 pub mod scale;
 mod study;
 pub mod synthetic;
+pub mod triplets;
 pub mod verify;
 
 pub use error::DatasetError;

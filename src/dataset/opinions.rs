@@ -200,9 +200,9 @@ mod tests {
         let study = write(&dir, "s.csv", pairs);
         let rows = "participant,material,method,score\np,chalk,GGX,3\nq,chalk,GGX,4\np,gold,SGD,2\n";
         let raw = StudyOpinions::load_raw(&write(&dir, "raw.csv", rows)).unwrap();
-        assert_eq!(raw.name, "raw");
+        assert_eq!(raw.name, "raw.csv");
         let joined = StudyOpinions::load(&study.to_string_lossy(), None).unwrap().with_raw(raw);
-        assert_eq!((joined.name.as_str(), joined.files.len()), ("s", 2));
+        assert_eq!((joined.name.as_str(), joined.files.len()), ("s.csv", 2));
         let facts: Vec<_> = joined.stimuli.iter().map(|s| (s.group.as_str(), s.material_type.as_deref())).collect();
         assert_eq!(facts, [("stones", Some("Dielectric")), ("gold", None)]);
         let families: Vec<_> = joined.stimuli.iter().map(|s| s.method_family.as_str()).collect();

@@ -70,9 +70,9 @@ pub fn load(path: &Path, layout: &RawLayout) -> Result<StudyOpinions, DatasetErr
     let scale = layout.scale.unwrap_or(DeclaredScale::MOS).of_ratings(all);
     let scale = scale.map_err(|reason| DatasetError::Unreadable { path: path.into(), reason })?;
     let file_name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let file = StudyFile { name: file_name, content: ContentHash::of(&bytes), as_published: None };
+    let file = StudyFile { name: file_name.clone(), content: ContentHash::of(&bytes), as_published: None };
     Ok(StudyOpinions {
-        name: path.file_stem().map_or_else(|| "ratings".into(), |s| s.to_string_lossy().into_owned()),
+        name: file_name,
         synthetic: false,
         completeness: Completeness { found: stimuli.len(), known: stimuli.len() },
         scale,
@@ -301,7 +301,7 @@ mod tests {
         write("e.toml", map);
         let opinions = StudyOpinions::load_raw(&dir.path().join("e.toml")).unwrap();
         assert!(opinions.stimuli[0].is_reference() && opinions.stimuli[1].method == "SGD");
-        assert_eq!((opinions.name.as_str(), opinions.files[0].name.as_str()), ("e", "e.csv"));
+        assert_eq!((opinions.name.as_str(), opinions.files[0].name.as_str()), ("e.csv", "e.csv"));
         let broken = |text: &str| {
             write("b.toml", text);
             StudyOpinions::load_raw(&dir.path().join("b.toml")).unwrap_err().to_string()

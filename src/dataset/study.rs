@@ -94,7 +94,7 @@ pub struct StudyFile {
 /// A study: pairs that people (or simulated observers) rated.
 #[derive(Debug, Clone)]
 pub struct Study {
-    /// Name of the study, or the path of its file.
+    /// Name of the study; of a user's, the name of its file, ending included: what `Study::load` takes, but for the folder.
     pub name: String,
     /// Ratings come from simulated observers; every output says so.
     pub synthetic: bool,

@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 pub use vernis_metric::math::quantile::Interval;
 pub use vernis_metric::math::resampling::{MIN_RESAMPLES, Resamples};
 
+/// More resamples are refused: the intervals would not change in their third digit, and all of them are held in memory.
+pub const MAX_RESAMPLES: usize = 20_000;
 /// Resamples where nothing else is asked for.
 pub const DEFAULT_RESAMPLES: usize = 2000;
 

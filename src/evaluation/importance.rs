@@ -60,8 +60,21 @@ pub(super) fn permuted(
     (0..sets.len()).map(of_set).collect()
 }
 
+/// The groups of materials that a `share` of each fold's training side holds, fold by fold. Smaller shares are subsets of
+/// larger ones.
+pub fn groups_of_share(folds: &[Fold], seed: u64, share: f64) -> Vec<BTreeSet<&str>> {
+    fn of_fold(index: usize, fold: &Fold, seed: u64, share: f64) -> BTreeSet<&str> {
+        let groups: BTreeSet<&str> = fold.training.rows().iter().map(|row| row.group.as_str()).collect();
+        let groups: Vec<&str> = groups.into_iter().collect();
+        let order = shuffled(groups.len(), &mut seed::stream(seed, "learning curve", index as u64));
+        let number = (share * groups.len() as f64).ceil() as usize;
+        order.into_iter().take(number).map(|k| groups[k]).collect()
+    }
+    folds.iter().enumerate().map(|(index, fold)| of_fold(index, fold, seed, share)).collect()
+}
+
 /// Out-of-fold predictions of models that saw a `share` of the groups of materials on each fold's training side, and how many
-/// groups that was on average. Smaller shares are subsets of larger ones.
+/// groups that was on average.
 pub(super) fn with_share(
     samples: &Samples,
     folds: &[Fold],
@@ -69,17 +82,7 @@ pub(super) fn with_share(
     seed: u64,
     share: f64,
 ) -> Result<(Predictions, f64), EvaluationError> {
-    let kept: Vec<BTreeSet<&str>> = folds
-        .iter()
-        .enumerate()
-        .map(|(index, fold)| {
-            let groups: BTreeSet<&str> = fold.training.rows().iter().map(|row| row.group.as_str()).collect();
-            let groups: Vec<&str> = groups.into_iter().collect();
-            let order = shuffled(groups.len(), &mut seed::stream(seed, "learning curve", index as u64));
-            let number = (share * groups.len() as f64).ceil() as usize;
-            order.into_iter().take(number).map(|k| groups[k]).collect()
-        })
-        .collect();
+    let kept = groups_of_share(folds, seed, share);
     let found = run_folds(trainer.name(), samples, folds, |index, fold| {
         let keep = |row: &Row| kept[index].contains(row.group.as_str());
         let model = trainer.train(&fold.training.filter(keep), fold_seed(seed, index))?;

@@ -13,7 +13,7 @@ use super::cross_validation::{
     OutOfFold, cross_validate, cross_validate_distance, cross_validate_mean, cross_validate_scores,
     cross_validate_spread, in_sample,
 };
-use super::importance::{SHARES, permuted, with_share};
+use super::importance::{permuted, with_share};
 use super::records::{
     AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
     MetricKind, MetricRecord, PredictionRecord, Split,
@@ -42,6 +42,10 @@ pub struct Protocol {
     pub seed: u64,
     /// Method families that the second set of rows leaves out.
     pub set_aside: Vec<String>,
+    /// The splits that the study supports; [`Split::UnseenMaterial`] is one of them.
+    pub splits: Vec<Split>,
+    /// Shares of the training materials that the learning curve has; none: there is no curve.
+    pub shares: Vec<f64>,
 }
 
 /// What a contender knows.
@@ -79,15 +83,18 @@ pub struct AblationCase {
     pub samples: Samples,
     /// Folds by material group.
     pub by_material: Vec<Fold>,
-    /// Folds by family of methods and material group.
-    pub by_method: Vec<Fold>,
+    /// Folds by family of methods and material group; `None` where the study does not support them.
+    pub by_method: Option<Vec<Fold>>,
 }
 
 impl AblationCase {
     /// The same descriptors in every fold.
     pub fn new(name: &str, samples: Samples, protocol: &Protocol) -> Result<Self, EvaluationError> {
         let by_material = grouped_folds(&samples, protocol.folds, protocol.seed)?;
-        let by_method = method_and_group_folds(&samples, protocol.method_folds, protocol.seed)?;
+        let unseen_method = protocol.splits.contains(&Split::UnseenMaterialAndMethod);
+        let by_method = unseen_method
+            .then(|| method_and_group_folds(&samples, protocol.method_folds, protocol.seed))
+            .transpose()?;
         Ok(Self { name: name.to_owned(), columns: samples.columns().len(), samples, by_material, by_method })
     }
 }
@@ -110,25 +117,54 @@ impl Bench {
         Ok(Self { protocol, samples: samples.clone(), jury, judged: Vec::new(), predictions: Vec::new() })
     }
 
-    /// Runs a contender through every split that it can take part in.
-    pub fn judge(&mut self, contender: &Contender<'_>) -> Result<(), EvaluationError> {
+    /// Runs a contender through every split that it can take part in. Gives the splits that it was not judged on, each with the
+    /// reason.
+    ///
+    /// # Errors
+    /// It cannot be judged on unseen materials: it takes no part.
+    pub fn judge(&mut self, contender: &Contender<'_>) -> Result<Vec<(Split, EvaluationError)>, EvaluationError> {
         let name = contender.name.as_str();
-        let mut judged = Vec::new();
+        let (mut judged, mut predictions, mut failed) = (Vec::new(), Vec::new(), Vec::new());
         let mut folds = Vec::new();
         for split in [Split::UnseenMaterial, Split::UnseenMaterialAndMethod, Split::UnseenMaterialType] {
-            let Some(found) = self.out_of_fold_of(contender, split)? else { continue };
-            judged.extend(self.jury.judge(name, split, &found.predictions)?);
-            if split == Split::UnseenMaterial {
-                folds = found.folds;
+            let found = self.out_of_fold_of(contender, split).and_then(|found| {
+                let Some(found) = found else { return Ok(None) };
+                Ok(Some((self.jury.judge(name, split, &found.predictions)?, found)))
+            });
+            match found {
+                Ok(None) => {}
+                Ok(Some((of_split, found))) => {
+                    judged.extend(of_split);
+                    if split == Split::UnseenMaterial {
+                        folds = found.folds;
+                    }
+                    predictions.push((name.to_owned(), split, found.predictions));
+                }
+                Err(error) if split == Split::UnseenMaterial => return Err(error),
+                Err(error) => failed.push((split, error)),
             }
-            self.predictions.push((name.to_owned(), split, found.predictions));
         }
         if let Source::Distance(samples) = &contender.source {
-            judged.extend(self.jury.judge(name, Split::InSample, &in_sample(samples, name)?)?);
+            let of_sample = in_sample(samples, name).and_then(|found| self.jury.judge(name, Split::InSample, &found));
+            match of_sample {
+                Ok(of_sample) => judged.extend(of_sample),
+                Err(error) => failed.push((Split::InSample, error)),
+            }
         }
+        self.predictions.extend(predictions);
         let (kind, note) = (contender.kind, contender.note.clone());
         self.judged.push(JudgedMetric { name: name.to_owned(), kind, note, judged, folds });
-        Ok(())
+        Ok(failed)
+    }
+
+    /// Whether a metric was judged.
+    pub fn has(&self, name: &str) -> bool {
+        self.judged.iter().any(|judged| judged.name == name)
+    }
+
+    /// How the metrics are judged.
+    pub fn protocol(&self) -> &Protocol {
+        &self.protocol
     }
 
     /// `None` where the split does not exist in this study, or the contender has nothing to say.
@@ -157,13 +193,14 @@ impl Bench {
 
     fn folds(&self, samples: &Samples, split: Split) -> Result<Option<Vec<Fold>>, EvaluationError> {
         let Protocol { folds, method_folds, seed, .. } = self.protocol;
+        if !self.protocol.splits.contains(&split) {
+            return Ok(None);
+        }
         Ok(match split {
             Split::UnseenMaterial => Some(grouped_folds(samples, folds, seed)?),
-            Split::UnseenMaterialAndMethod if families(samples) > 1 => {
-                Some(method_and_group_folds(samples, method_folds, seed)?)
-            }
-            Split::UnseenMaterialType if types(samples) > 1 => Some(material_type_folds(samples)?),
-            _ => None,
+            Split::UnseenMaterialAndMethod => Some(method_and_group_folds(samples, method_folds, seed)?),
+            Split::UnseenMaterialType => Some(material_type_folds(samples)?),
+            Split::InSample => None,
         })
     }
 
@@ -179,8 +216,10 @@ impl Bench {
         let seed = self.protocol.seed;
         let main = cross_validate(&case.samples, &case.by_material, trainer, seed)?;
         let mut judged = self.jury.judge(&case.name, Split::UnseenMaterial, &main.predictions)?;
-        let unseen = cross_validate(&case.samples, &case.by_method, trainer, seed)?;
-        judged.extend(self.jury.judge(&case.name, Split::UnseenMaterialAndMethod, &unseen.predictions)?);
+        if let Some(by_method) = &case.by_method {
+            let unseen = cross_validate(&case.samples, by_method, trainer, seed)?;
+            judged.extend(self.jury.judge(&case.name, Split::UnseenMaterialAndMethod, &unseen.predictions)?);
+        }
         Ok(self.jury.ablation(&case.name, case.columns, full, &judged))
     }
 
@@ -237,7 +276,7 @@ impl Bench {
             let judged = self.jury.judge(trainer.name(), Split::UnseenMaterial, &predictions)?;
             Ok(LearningPoint { groups, judgements: judged.iter().map(Judged::record).collect() })
         };
-        SHARES.into_iter().map(point).collect()
+        self.protocol.shares.iter().copied().map(point).collect()
     }
 
     /// The distances of the column called `metric`, the ratings, and the logistic curve between them, fitted on all rows.
@@ -341,12 +380,4 @@ impl Bench {
 fn mean_of(parts: &[Vec<f64>]) -> Vec<f64> {
     let n = parts.len() as f64;
     (0..parts.first().map_or(0, Vec::len)).map(|i| parts.iter().map(|p| p[i]).sum::<f64>() / n).collect()
-}
-
-fn families(samples: &Samples) -> usize {
-    samples.rows().iter().map(|r| &r.method_family).collect::<std::collections::BTreeSet<_>>().len()
-}
-
-fn types(samples: &Samples) -> usize {
-    samples.rows().iter().filter_map(|r| r.material_type.as_ref()).collect::<std::collections::BTreeSet<_>>().len()
 }

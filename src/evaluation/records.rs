@@ -315,6 +315,9 @@ pub struct BenchmarkRecord {
     pub predictions: Vec<PredictionRecord>,
     /// What was tried and did not help, one line each.
     pub did_not_help: Vec<String>,
+    /// What the study does not support, or what failed, one sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
 }
 
 /// Records of vernis 0.1.0 do not name the model that they retrained; it was always this one.

@@ -2,11 +2,13 @@
 
 use super::ExperimentError;
 use super::external::ExternalScores;
+use super::plan::Plan;
 use crate::dataset::Study;
+use crate::evaluation::EvaluationError;
 use crate::evaluation::protocol::{AblationCase, Bench, Contender, Protocol, Source};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, MetricKind, MetricRecord};
 use crate::samples::Samples;
-use crate::train::embedding_folds::EmbeddedFolds;
+use crate::train::embedding_folds::{EmbeddedFolds, EmbeddingError, Learner};
 use crate::train::kernel::KernelRidge;
 use crate::train::linear::ElasticNet;
 use crate::train::lp_baseline::{BestOf, Criterion};
@@ -25,10 +27,6 @@ use vernis_metric::metric::lp::FAMILY as LP_FAMILY;
 use vernis_metric::metric::lp::LpVariant;
 use vernis_metric::metric::transport::FAMILY as TRANSPORT_FAMILY;
 
-/// Method families of manifold-like and non-parametric candidates, which sit so close to the reference that rating them
-/// is easy: the second set of rows leaves them out.
-pub(super) const SET_ASIDE: [&str; 3] = ["BAGHER", "GPLVM", "manifold"];
-
 /// The Lp metrics that the paper singles out, shown first.
 const SHOWN_LP: [&str; 3] = ["D9.Cl", "D1.Cl.CR", "D4.Cl.CR"];
 
@@ -41,11 +39,14 @@ const MOST_SINGLE: usize = 15;
 /// Families of the distances between graphs.
 const GRAPH_FAMILIES: [&str; 2] = [TRANSPORT_FAMILY, ENERGY_FAMILY];
 
-/// What a benchmark found, and what an export of its metric needs.
+/// Metrics that were judged on a study, what was found so far, and what an export of its metric needs.
 pub struct StudyBenchmark {
     pub record: BenchmarkRecord,
-    /// Of the learned metric's scores, in grades.
-    pub interval: Interval,
+    /// Of the learned metric's scores, in grades; `None` where it could not be judged.
+    pub interval: Option<Interval>,
+    bench: Bench,
+    /// The columns of [`crate::samples::extraction`].
+    samples: Samples,
 }
 
 /// What the record says of the run.
@@ -69,54 +70,56 @@ pub(super) fn names(classical: &[Arc<dyn Metric>]) -> Vec<String> {
     others.chain(classical.iter().map(|metric| metric.name().to_owned())).collect()
 }
 
-/// The protocol for a study.
-pub fn protocol(study: &Study, folds: usize, resamples: usize, seed: u64) -> Protocol {
-    let present: BTreeSet<&str> = study.pairs.iter().map(|p| p.method_family.as_str()).collect();
-    let set_aside = SET_ASIDE.iter().filter(|f| present.contains(*f)).map(|f| (*f).to_owned()).collect();
-    // The embedded study has many families of methods and little to say of unseen ones.
-    let method_folds = if study.synthetic { folds.min(2) } else { folds };
-    Protocol { folds, method_folds, resamples, seed, set_aside }
-}
-
-/// Runs every contender on the splits of `protocol`. `samples` are the columns of [`crate::samples::extraction`]; `embedded` the
-/// folds with learned embeddings, by name; `stage` is told what comes next.
-pub fn run(
+/// Runs every contender on the splits of `plan`. `samples` are the columns of [`crate::samples::extraction`]; `stage` is told
+/// what comes next. A contender that cannot be judged is left out, with a sentence.
+pub fn measure(
     study: &Study,
-    samples: &Samples,
-    embedded: Vec<(&'static str, EmbeddedFolds)>,
-    protocol: &Protocol,
+    samples: Samples,
+    plan: &Plan,
     info: &RunInfo<'_>,
     stage: &(dyn Fn(&str) + Sync),
 ) -> Result<StudyBenchmark, ExperimentError> {
+    let protocol = &plan.protocol;
     let compact = samples.select_columns(recipe::uses);
     let lp = samples.select_columns(|c| c.family == LP_FAMILY);
     let graphs = samples.select_columns(|c| GRAPH_FAMILIES.contains(&c.family.as_str()));
-    let mut bench = Bench::new(protocol.clone(), samples)?;
+    let mut bench = Bench::new(protocol.clone(), &samples)?;
+    let mut left_out = plan.left_out.clone();
     let parts = parts();
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
     let external = info.external.map(|scores| scores.samples(study)).transpose()?;
     let of_file = || info.external.iter().zip(&external).flat_map(|(scores, samples)| scores.contenders(samples));
-    for contender in contenders(&parts, &best, &compact, &lp, &graphs).into_iter().chain(of_file()) {
+    for contender in contenders(&parts, &best, [&compact, &lp, &graphs], &plan.means).into_iter().chain(of_file()) {
         stage(&format!("cross-validation: {}", contender.name));
-        bench.judge(&contender)?;
+        match bench.judge(&contender) {
+            Ok(failed) => left_out.extend(
+                failed.iter().map(|(split, e)| format!("{}, {}, is left out: {e}.", contender.name, split.label())),
+            ),
+            Err(error) => left_out.push(format!("{} is left out: {error}.", contender.name)),
+        }
     }
     stage("interval of a score");
     let member = recipe::member();
-    let (interval, calibration) = bench.intervals(recipe::NAME, &member, &compact, recipe::CALIBRATION_MEMBERS)?;
-    let ablation_trainer = recipe::plain_kernel();
-    let mut ablation = Vec::new();
-    for case in ablation_cases(samples, embedded, protocol)? {
-        stage(&format!("ablation: {}", case.name));
-        ablation.push(bench.ablate(&case, &ablation_trainer, ablation_trainer.name())?);
+    let mut keep = |what: &str, error: EvaluationError| left_out.push(format!("{what} is left out: {error}."));
+    let (interval, calibration) = match bench.has(recipe::NAME) {
+        false => (None, None),
+        true => match bench.intervals(recipe::NAME, &member, &compact, recipe::CALIBRATION_MEMBERS) {
+            Ok((interval, calibration)) => (Some(interval), Some(calibration)),
+            Err(error) => {
+                keep("The interval of a score", error);
+                (None, None)
+            }
+        },
+    };
+    let mut curves = Vec::new();
+    let of_graphs = graphs.columns().iter().map(|column| (&graphs, column.name.as_str()));
+    let of_external = external.iter().flat_map(|s| s.columns().iter().map(move |column| (s, column.name.as_str())));
+    for (samples, name) in of_graphs.chain(CURVED_LP.map(|name| (&lp, name))).chain(of_external) {
+        match bench.curve(samples, name) {
+            Ok(curve) => curves.push(curve),
+            Err(error) => keep(&format!("The curve of {name}"), error),
+        }
     }
-    stage("importance of descriptors");
-    let importance = bench.importance(&ablation_trainer, ablation_trainer.name(), &compact, MOST_SINGLE)?;
-    stage("learning curve");
-    let learning_curve = bench.learning_curve(&ablation_trainer, &compact)?;
-    let of_graphs = graphs.columns().iter().map(|column| bench.curve(&graphs, &column.name));
-    let of_lp = CURVED_LP.iter().map(|name| bench.curve(&lp, name));
-    let of_external = external.iter().flat_map(|s| s.columns().iter().map(|column| bench.curve(s, &column.name)));
-    let curves = of_graphs.chain(of_lp).chain(of_external).collect::<Result<_, _>>()?;
     stage("differences");
     let mut headline = vec![recipe::NAME.to_owned()];
     headline.extend(parts.iter().map(|(trainer, _, _)| trainer.name().to_owned()));
@@ -124,9 +127,11 @@ pub fn run(
     headline.extend(graphs.columns().iter().map(|column| column.name.clone()));
     headline.extend(of_file().map(|contender| contender.name));
     headline.extend(SHOWN_LP.map(str::to_owned));
-    headline.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|m| m.name().to_owned()));
-    let others: Vec<&str> = headline[1..].iter().map(String::as_str).collect();
-    let differences = bench.differences(recipe::NAME, &others)?;
+    headline.extend(plan.means.iter().map(|m| m.name().to_owned()));
+    headline.retain(|name| bench.has(name));
+    let subject = headline.first().cloned().unwrap_or_default();
+    let others: Vec<&str> = headline.iter().skip(1).map(String::as_str).collect();
+    let differences = bench.differences(&subject, &others)?;
     let versioned =
         |metric: MetricRecord| MetricRecord { version: info.metric_versions.get(&metric.name).cloned(), ..metric };
     let materials: BTreeSet<&str> = study.pairs.iter().map(|p| p.material.as_str()).collect();
@@ -147,18 +152,89 @@ pub fn run(
         set_aside: protocol.set_aside.clone(),
         metrics: bench.metrics().into_iter().map(versioned).collect(),
         differences,
-        did_not_help: did_not_help(&ablation),
-        retrained: ablation_trainer.name().to_owned(),
-        ablation,
-        importance,
-        learning_curve,
+        did_not_help: Vec::new(),
+        retrained: recipe::plain_kernel().name().to_owned(),
+        ablation: Vec::new(),
+        importance: Vec::new(),
+        learning_curve: Vec::new(),
         curves,
-        residuals: bench.residuals(recipe::NAME)?,
-        calibration: Some(calibration),
+        residuals: if subject.is_empty() { Vec::new() } else { bench.residuals(&subject)? },
+        calibration,
         predictions: bench.prediction_records(&headline),
         headline,
+        left_out,
     };
-    Ok(StudyBenchmark { record: record.on_scale(study.scale), interval })
+    Ok(StudyBenchmark { record, interval, bench, samples })
+}
+
+impl StudyBenchmark {
+    /// How the metrics were judged.
+    pub fn protocol(&self) -> &Protocol {
+        self.bench.protocol()
+    }
+
+    /// Retrains the plain kernel with other descriptors, and with those embeddings that `embedded` learns, by name; each case that
+    /// fails is left out, with a sentence.
+    pub fn ablate(
+        &mut self,
+        learners: &[Learner],
+        embedded: &dyn Fn(&Samples, Learner) -> Result<Option<EmbeddedFolds>, EmbeddingError>,
+        stage: &(dyn Fn(&str) + Sync),
+    ) -> Result<(), ExperimentError> {
+        let trainer = recipe::plain_kernel();
+        if !self.bench.has(trainer.name()) {
+            return Ok(());
+        }
+        let mut cases = ablation_cases(&self.samples, self.bench.protocol())?;
+        let compact = self.samples.select_columns(recipe::uses);
+        for &learner in learners {
+            stage(&format!("embeddings: {}", learner.name()));
+            match embedded(&compact, learner) {
+                Ok(None) => {}
+                Ok(Some(EmbeddedFolds { columns, by_material, by_method })) => {
+                    let (name, samples) = (format!("with {}", learner.name()), compact.clone());
+                    cases.push(AblationCase { name, columns, samples, by_material, by_method });
+                }
+                Err(error) => {
+                    self.record.left_out.push(format!("Ablation: {} is left out: {error}.", learner.name()));
+                }
+            }
+        }
+        for case in cases {
+            stage(&format!("ablation: {}", case.name));
+            match self.bench.ablate(&case, &trainer, trainer.name()) {
+                Ok(found) => self.record.ablation.push(found),
+                Err(error) => self.record.left_out.push(format!("Ablation: {} is left out: {error}.", case.name)),
+            }
+        }
+        self.record.did_not_help = did_not_help(&self.record.ablation);
+        Ok(())
+    }
+
+    /// Exchanges descriptors between rows that the plain kernel has not seen.
+    pub fn weigh(&mut self) {
+        let trainer = recipe::plain_kernel();
+        if self.bench.has(trainer.name()) {
+            let compact = self.samples.select_columns(recipe::uses);
+            match self.bench.importance(&trainer, trainer.name(), &compact, MOST_SINGLE) {
+                Ok(found) => self.record.importance = found,
+                Err(error) => {
+                    self.record.left_out.push(format!("The importance of descriptors is left out: {error}."));
+                }
+            }
+        }
+    }
+
+    /// Trains the plain kernel on fewer materials.
+    pub fn learn_from_fewer(&mut self) {
+        let trainer = recipe::plain_kernel();
+        if self.bench.has(trainer.name()) {
+            match self.bench.learning_curve(&trainer, &self.samples.select_columns(recipe::uses)) {
+                Ok(found) => self.record.learning_curve = found,
+                Err(error) => self.record.left_out.push(format!("The learning curve is left out: {error}.")),
+            }
+        }
+    }
 }
 
 /// The models beside the metric: trainer, kind, note.
@@ -188,9 +264,8 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
 fn contenders<'a>(
     parts: &'a [(Box<dyn Trainer>, MetricKind, &'static str)],
     best: &'a BestOf,
-    compact: &'a Samples,
-    lp: &'a Samples,
-    graphs: &'a Samples,
+    [compact, lp, graphs]: [&'a Samples; 3],
+    means: &[MeanOf],
 ) -> Vec<Contender<'a>> {
     let contender =
         |name: &str, kind, note: &str, source| Contender { name: name.to_owned(), kind, note: note.to_owned(), source };
@@ -219,18 +294,14 @@ fn contenders<'a>(
         let note = "Lavoué et al. 2021, section 6.1, computed deterministically";
         contender(&column.name, MetricKind::Graph, note, Source::Distance(graphs))
     }));
-    all.extend([MeanOf::Method, MeanOf::MethodAndMaterialType].map(|means| {
+    all.extend(means.iter().map(|&means| {
         contender(means.name(), MetricKind::Trivial, "knows who fitted it, nothing of appearance", Source::Means(means))
     }));
     all
 }
 
 /// Each family of the extended set left out and alone, and each other family added.
-fn ablation_cases(
-    samples: &Samples,
-    embedded: Vec<(&'static str, EmbeddedFolds)>,
-    protocol: &Protocol,
-) -> Result<Vec<AblationCase>, ExperimentError> {
+fn ablation_cases(samples: &Samples, protocol: &Protocol) -> Result<Vec<AblationCase>, ExperimentError> {
     let mut cases = Vec::new();
     let mut case = |name: String, keep: &dyn Fn(&Column) -> bool| -> Result<(), ExperimentError> {
         cases.push(AblationCase::new(&name, samples.select_columns(keep), protocol)?);
@@ -250,14 +321,6 @@ fn ablation_cases(
         case(format!("with {added}"), &|c| recipe::uses(c) || c.family == added)?;
     }
     case(format!("{LP_FAMILY} only"), &|c| c.family == LP_FAMILY)?;
-    let used = samples.select_columns(recipe::uses);
-    cases.extend(embedded.into_iter().map(|(name, folds)| AblationCase {
-        name: format!("with {name}"),
-        columns: folds.columns,
-        samples: used.clone(),
-        by_material: folds.by_material,
-        by_method: folds.by_method,
-    }));
     Ok(cases)
 }
 

@@ -6,7 +6,7 @@
 //! larger values are better; its numbers are then negated. Every metric is judged as the classical ones are: its logistic map is
 //! fitted on the training side of each fold, and its difference to the learned metric is paired.
 
-use super::{ExperimentError, contenders, train};
+use super::{ExperimentError, contenders, plan, train};
 use crate::dataset::csv_study::source_beside;
 use crate::dataset::csv_table::{CsvTable, Expected, MOST_BYTES, Others};
 use crate::dataset::{DatasetError, RatedPair, Study, StudyFile, notice};
@@ -218,7 +218,7 @@ fn check_names(
 
 /// That a metric says something of the rows that are judged.
 fn check_spread(path: &Path, name: &str, distances: &[f64], study: &Study) -> Result<(), DatasetError> {
-    let aside = |pair: &RatedPair| contenders::SET_ASIDE.contains(&pair.method_family.as_str());
+    let aside = |pair: &RatedPair| plan::SET_ASIDE.contains(&pair.method_family.as_str());
     let constant = |kept: &dyn Fn(&RatedPair) -> bool| {
         let mut values = study.pairs.iter().zip(distances).filter(|(pair, _)| kept(pair)).map(|(_, value)| *value);
         values.next().filter(|first| values.all(|value| value == *first))

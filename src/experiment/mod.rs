@@ -10,11 +10,14 @@ mod contenders;
 pub mod external;
 pub mod losses;
 #[cfg(feature = "train")]
+pub mod plan;
+#[cfg(feature = "train")]
 pub mod rebuilt;
 pub mod refit;
 pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;
+pub mod triplets;
 
 #[cfg(feature = "train")]
 pub use train::{BenchmarkOptions, Measurement, Purpose, TrainOptions, Trained, benchmark, train};
@@ -83,6 +86,10 @@ pub enum ExperimentError {
     Write { reason: String },
     #[error("{} is the result of another run: {differences}; choose another folder, or remove the file", path.display())]
     Kept { path: PathBuf, differences: String },
+    #[error("study {study}: {reason}")]
+    Unsupported { study: String, reason: String },
+    #[error("{metric} could not be measured on unseen materials, so that it cannot be exported: {reason}")]
+    NotMeasured { metric: &'static str, reason: String },
 }
 
 /// Causes are boxed, so that a result takes little room.

@@ -5,14 +5,17 @@
 //!       -> final metric on all rows -> exported metric and benchmark record
 //! ```
 //!
-//! [`train`] does it all. [`Measurement`] is the job cut in two: [`Measurement::of`] measures, which takes the time, and
-//! [`Measurement::export`] trains the final metric, so that a caller can write the measurement down in between. [`benchmark`]
-//! measures alone. The same study, options and seed give the same bytes, whatever the number of threads.
+//! [`train`] does it all. [`Measurement`] is the job cut into its stages, so that a caller can write down after each what is
+//! finished: [`Measurement::of`] measures, which takes the time; [`Measurement::run`] explains what was measured, stage by stage; and
+//! [`Measurement::export`] trains the final metric. [`benchmark`] measures and explains alone. What a study does not support is
+//! decided before the first BRDF is read ([`Plan`]). The same study, options and seed give the same bytes, whatever the number of threads.
 
 use super::ExperimentError;
-use super::contenders::{RunInfo, StudyBenchmark, protocol, run};
+use super::contenders::{RunInfo, StudyBenchmark, measure};
 use super::external::ExternalScores;
+use super::plan::Plan;
 use crate::dataset::{DeclaredScale, Study, manifest};
+use crate::evaluation::protocol::Protocol;
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::samples::Samples;
 use crate::samples::extracted::ExtractedStudy;
@@ -109,7 +112,10 @@ pub struct Trained {
 /// # Errors
 /// A study that cannot be judged with so many folds, BRDFs that cannot be read, probes and meshes that cannot; training that fails.
 pub fn train(study: &Study, options: &TrainOptions, progress: Observer<'_>) -> Result<Trained, ExperimentError> {
-    let measurement = Measurement::of(study, &options.benchmark, Purpose::Train, progress)?;
+    let mut measurement = Measurement::of(study, &options.benchmark, Purpose::Train, progress)?;
+    for stage in Stage::ALL {
+        measurement.run(stage, progress)?;
+    }
     let metric = measurement.export(options.name.as_deref(), progress)?;
     Ok(Trained { metric, benchmark: measurement.record().clone(), warnings: measurement.warnings })
 }
@@ -123,7 +129,28 @@ pub fn benchmark(
     options: &BenchmarkOptions,
     progress: Observer<'_>,
 ) -> Result<BenchmarkRecord, ExperimentError> {
-    Ok(Measurement::of(study, options, Purpose::Benchmark, progress)?.bench.record)
+    let mut measurement = Measurement::of(study, options, Purpose::Benchmark, progress)?;
+    for stage in Stage::ALL {
+        measurement.run(stage, progress)?;
+    }
+    Ok(measurement.bench.record)
+}
+
+/// What explains a measurement, one after the other. What fails of it is left out, with a sentence in the record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Stage {
+    /// The metric retrained with other descriptors.
+    Ablation,
+    /// What the metric loses when descriptors are exchanged between rows.
+    Importance,
+    /// The metric trained on fewer materials.
+    LearningCurve,
+}
+
+impl Stage {
+    /// All stages, in order.
+    pub const ALL: [Self; 3] = [Self::Ablation, Self::Importance, Self::LearningCurve];
 }
 
 /// What a measurement is for: the command that its record names.
@@ -149,7 +176,12 @@ impl Purpose {
 pub struct Measurement {
     study: Study,
     setup: String,
+    /// In grades.
     bench: StudyBenchmark,
+    /// The same on the scale of the study.
+    record: BenchmarkRecord,
+    /// What embeddings are learned from, where the BRDFs were read and the study has enough.
+    bank: Option<TableBank>,
     /// The descriptors of every row.
     training: TrainingSet,
     seed: u64,
@@ -177,7 +209,7 @@ impl Measurement {
         purpose: Purpose,
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
-        study.validate(folds_of(options, study))?;
+        Plan::of(study, options)?;
         let setup = Setup::new(&options.descriptors)?;
         let extraction = extract(study, &setup, options.data.as_deref(), options.cache.as_ref(), progress)?;
         let others = if study.synthetic { Vec::new() } else { unrated(options.data.as_deref())? };
@@ -201,7 +233,7 @@ impl Measurement {
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
         let study = &extracted.study;
-        study.validate(folds_of(options, study))?;
+        Plan::of(study, options)?;
         extracted.check_whole(&study.name)?;
         extracted.check_versions(&metrics(study)?, &study.name)?;
         let (samples, setup) = (extracted.samples.clone(), extracted.versions.setup.clone());
@@ -218,15 +250,8 @@ impl Measurement {
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
         let Numbers { study, samples, setup, bank } = numbers;
-        progress("embeddings", Progress::BEGUN);
         let compact = samples.select_columns(recipe::uses);
-        let protocol = protocol(study, folds_of(options, study), options.resamples, options.seed);
-        let learn = |(bank, learner): (&TableBank, Learner)| {
-            let folds = [protocol.folds, protocol.method_folds];
-            Ok((learner.name(), embedded_folds(bank, &compact, learner, folds, options.seed)?))
-        };
-        let banks = bank.iter().flat_map(|bank| Learner::ALL.map(|learner| (bank, learner)));
-        let embedded = banks.map(learn).collect::<Result<Vec<_>, ExperimentError>>()?;
+        let plan = Plan::with_numbers(study, options, &compact)?;
         let metrics = metrics(study)?;
         let mut versions = versions(&setup, &metrics);
         if bank.is_none() {
@@ -237,20 +262,52 @@ impl Measurement {
         let mut metric_versions = metric_versions(&metrics);
         metric_versions.extend(external.iter().flat_map(|scores| scores.versions()));
         let info = RunInfo { command, versions, metric_versions, external };
-        let bench = run(study, &samples, embedded, &protocol, &info, &|label| progress(label, Progress::BEGUN))?;
+        let bench = measure(study, samples, &plan, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
             study: study.clone(),
             setup,
+            record: bench.record.clone().on_scale(study.scale),
             bench,
+            bank: bank.filter(|_| plan.embeddings),
             training: TrainingSet::whole(&compact),
             seed: options.seed,
             warnings,
         })
     }
 
+    /// Adds to the record what `stage` finds.
+    ///
+    /// # Errors
+    /// Columns that are not those of the extraction; what a study does not support is no error.
+    pub fn run(&mut self, stage: Stage, progress: Observer<'_>) -> Result<(), ExperimentError> {
+        let told = |label: &str| progress(label, Progress::BEGUN);
+        match stage {
+            Stage::Ablation => {
+                let Protocol { folds, method_folds, splits, seed, .. } = self.bench.protocol().clone();
+                let method_folds = splits.contains(&Split::UnseenMaterialAndMethod).then_some(method_folds);
+                let bank = self.bank.as_ref();
+                let learners = if bank.is_some() { &Learner::ALL[..] } else { &[] };
+                let embedded = |compact: &Samples, learner| {
+                    bank.map(|bank| embedded_folds(bank, compact, learner, folds, method_folds, seed)).transpose()
+                };
+                self.bench.ablate(learners, &embedded, &told)?;
+            }
+            Stage::Importance => {
+                told("importance of descriptors");
+                self.bench.weigh();
+            }
+            Stage::LearningCurve => {
+                told("learning curve");
+                self.bench.learn_from_fewer();
+            }
+        }
+        self.record = self.bench.record.clone().on_scale(self.study.scale);
+        Ok(())
+    }
+
     /// What was found.
     pub fn record(&self) -> &BenchmarkRecord {
-        &self.bench.record
+        &self.record
     }
 
     /// The study that was measured.
@@ -266,17 +323,22 @@ impl Measurement {
     pub fn export(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
         progress("final metric", Progress::BEGUN);
         let default = metric_name(&self.study);
+        let interval = self.bench.interval.ok_or_else(|| {
+            let reasons = self.bench.record.left_out.iter().filter(|line| line.contains(" is left out: "));
+            let reason = reasons.map(String::as_str).collect::<Vec<_>>().join(" ");
+            ExperimentError::NotMeasured { metric: recipe::NAME, reason }
+        })?;
         let trainer = recipe::metric();
         let model = trainer.train(&self.training, self.seed)?;
         let members = bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed)?;
-        let record = &self.bench.record;
+        let record = &self.record;
         let command = record.command.clone();
         let export = Export {
             name: name.unwrap_or(&default),
             metric_version: recipe::METRIC_VERSION,
             scale: self.study.scale,
             descriptors: Descriptors { setup: self.setup.clone(), set: DescriptorSet::extended() },
-            interval: self.bench.interval,
+            interval,
             provenance: provenance(&self.study, record.rows, record.materials, self.seed, command, reached(record)),
         };
         Ok(export.of(trainer.name(), &*model, &members)?)
@@ -339,7 +401,7 @@ pub fn folds_of(options: &BenchmarkOptions, study: &Study) -> usize {
 }
 
 /// Measured materials without ratings that the data folder holds.
-fn unrated(data: Option<&Path>) -> Result<Vec<BrdfSource>, ExperimentError> {
+pub(super) fn unrated(data: Option<&Path>) -> Result<Vec<BrdfSource>, ExperimentError> {
     let mut found = Vec::new();
     for archive in data.into_iter().flat_map(|data| UNRATED.map(|a| data.join(a))).filter(|path| path.is_file()) {
         for material in materials(&archive)? {

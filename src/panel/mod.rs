@@ -13,6 +13,7 @@ pub mod distribution;
 mod error;
 pub mod intraclass;
 pub mod moments;
+pub mod noise;
 pub mod opinion;
 pub mod parameters;
 pub mod record;

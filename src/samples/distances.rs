@@ -50,7 +50,7 @@ impl Group {
 }
 
 /// The distances from one reference.
-pub(super) struct PairDistances<'a> {
+pub(crate) struct PairDistances<'a> {
     groups: Vec<Group>,
     count: usize,
     reference: &'a IdentifiedBrdf,
@@ -58,7 +58,7 @@ pub(super) struct PairDistances<'a> {
 }
 
 /// One number a metric.
-pub(super) struct Values {
+pub(crate) struct Values {
     pub distances: Vec<f64>,
     /// The same with reference and candidate exchanged.
     pub swapped: Vec<f64>,
@@ -68,6 +68,20 @@ impl<'a> PairDistances<'a> {
     pub fn new(metrics: &[Arc<dyn Metric>], reference: &'a IdentifiedBrdf, cache: Option<&'a Cache>) -> Self {
         let groups = groups(metrics).into_iter().map(|places| Group::new(places, metrics)).collect();
         Self { groups, count: metrics.len(), reference, cache }
+    }
+
+    /// The distances to one candidate, one number a metric, without those of the exchanged pair.
+    pub fn one_way(
+        &mut self,
+        candidate: &IdentifiedBrdf,
+        warnings: &mut Vec<CacheWarning>,
+    ) -> Result<Vec<f64>, ExtractionError> {
+        let mut distances = vec![0.0; self.count];
+        for group in &mut self.groups {
+            let found = of_group(group, self.reference, candidate, self.cache, warnings)?;
+            group.places.iter().zip(found).for_each(|(&place, value)| distances[place] = value);
+        }
+        Ok(distances)
     }
 
     /// The distances to one candidate.

@@ -14,6 +14,9 @@ pub struct Shard {
     count: usize,
 }
 
+/// More parts than any study has references.
+const MOST: usize = 1_000_000;
+
 impl Shard {
     /// The whole study: 1/1.
     pub const WHOLE: Self = Self { number: 1, count: 1 };
@@ -43,8 +46,10 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let parts = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
         match parts {
-            Some((number, count)) if (1..=count).contains(&number) => Ok(Self { number, count }),
-            _ => Err(format!("shard is `{text}`; it must be NUMBER/COUNT with NUMBER from 1 to COUNT, such as 3/8")),
+            Some((number, count)) if (1..=count).contains(&number) && count <= MOST => Ok(Self { number, count }),
+            _ => Err(format!(
+                "shard is `{text}`; it must be NUMBER/COUNT with NUMBER from 1 to COUNT and COUNT up to {MOST}, such as 3/8"
+            )),
         }
     }
 }
@@ -94,7 +99,7 @@ mod tests {
     #[test]
     fn the_notation_is_checked() {
         assert_eq!("3/8".parse::<Shard>().unwrap().to_string(), "3/8");
-        for wrong in ["0/8", "9/8", "1/0", "3", "a/8", "3/8/1", "-1/8", ""] {
+        for wrong in ["0/8", "9/8", "1/0", "3", "a/8", "3/8/1", "-1/8", "", "1/1000001", "1/99999999999999999999"] {
             let message = wrong.parse::<Shard>().unwrap_err();
             assert!(message.contains(&format!("shard is `{wrong}`; it must be NUMBER/COUNT")), "{message}");
         }

@@ -180,32 +180,36 @@ pub struct EmbeddedFolds {
     pub columns: usize,
     /// Folds by material group.
     pub by_material: Vec<Fold>,
-    /// Folds by family of methods and material group.
-    pub by_method: Vec<Fold>,
+    /// Folds by family of methods and material group, where they were asked for.
+    pub by_method: Option<Vec<Fold>>,
 }
 
-/// The folds of [`crate::samples::split`] with the same numbers (by material, by material within each method family) and
-/// seed, each with the columns of `samples` and those of an embedding learned on its training side.
+/// The folds of [`crate::samples::split`] with the same numbers (by material, and by material within each method family, where
+/// that is asked for) and seed, each with the columns of `samples` and those of an embedding learned on its training side.
 pub fn embedded_folds(
     bank: &TableBank,
     samples: &Samples,
     learner: Learner,
-    [folds, method_folds]: [usize; 2],
+    folds: usize,
+    method_folds: Option<usize>,
     seed: u64,
 ) -> Result<EmbeddedFolds, EmbeddingError> {
-    let mut found = EmbeddedFolds { columns: 0, by_material: Vec::new(), by_method: Vec::new() };
+    let mut found = EmbeddedFolds { columns: 0, by_material: Vec::new(), by_method: None };
     for (k, fold) in grouped_folds(samples, folds, seed)?.iter().enumerate() {
         let extended = bank.extend(samples, &held_groups(fold), learner, seed)?;
         found.columns = extended.columns().len();
         found.by_material.extend(grouped_folds(&extended, folds, seed)?.into_iter().nth(k));
     }
+    let Some(method_folds) = method_folds else { return Ok(found) };
     // Each method family is left out with the same groups of materials.
+    let mut by_method = Vec::new();
     for fold in &grouped_folds(samples, method_folds, seed)? {
         let held = held_groups(fold);
         let extended = bank.extend(samples, &held, learner, seed)?;
         let of_these = |f: &Fold| f.held_out.rows().iter().all(|r| held.contains(r.group.as_str()));
-        found.by_method.extend(method_and_group_folds(&extended, method_folds, seed)?.into_iter().filter(of_these));
+        by_method.extend(method_and_group_folds(&extended, method_folds, seed)?.into_iter().filter(of_these));
     }
+    found.by_method = Some(by_method);
     Ok(found)
 }
 

@@ -122,13 +122,32 @@ impl Predictor for SomeColumns {
     }
 }
 
-/// `n` models, each trained on as many material groups as the set has, drawn with replacement. Trained in parallel;
-/// the result does not depend on the number of threads.
+/// Draws of one member before its error counts.
+const MOST_DRAWS: u64 = 100;
+/// Between the draws of one member: more than there are members.
+const NEXT_DRAW: u64 = 1 << 20;
+
+/// `n` models, each trained on as many material groups as the set has, drawn with replacement. A draw that nothing can be
+/// learned from, such as one of equal ratings, is drawn again. Trained in parallel; the result does not depend on the number of
+/// threads.
 pub fn bootstrap_members(
     trainer: &dyn Trainer,
     set: &TrainingSet,
     n: usize,
     seed: u64,
 ) -> Result<Vec<Box<dyn Predictor>>, TrainError> {
-    (0..n as u64).into_par_iter().map(|i| trainer.train(&set.resample_groups(seed, i), seed.wrapping_add(i))).collect()
+    let member = |i: u64| {
+        let mut draw = 0;
+        loop {
+            let found = trainer.train(&set.resample_groups(seed, i + draw * NEXT_DRAW), seed.wrapping_add(i));
+            draw += 1;
+            match found {
+                Err(
+                    TrainError::TooFewRows { .. } | TrainError::EqualRatings { .. } | TrainError::NoDifference { .. },
+                ) if draw < MOST_DRAWS => {}
+                found => return found,
+            }
+        }
+    };
+    (0..n as u64).into_par_iter().map(member).collect()
 }

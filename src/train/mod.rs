@@ -32,6 +32,9 @@ use vernis_metric::io::counted;
 use vernis_metric::math::logistic::LogisticError;
 use vernis_metric::metric::learned::{Regressor, RegressorError};
 
+/// Rows from which every trainer of the recipe and of the baselines learns.
+pub const LEAST_ROWS: usize = 8;
+
 /// Inner folds for every choice that a trainer makes.
 pub const INNER_FOLDS: usize = 5;
 

@@ -156,7 +156,7 @@ fn table(title: &str, columns: &[&str], rows: &[&[&str]]) -> Table {
 fn a_report_has_no_fault_in_a_browser() {
     let Some(browser) = browser() else { return };
     let dir = tempfile::tempdir().unwrap();
-    let record = super::report::record(true);
+    let record = super::report::record_of_the_embedded_study();
     write_benchmark(&OutputFolder::create(dir.path().join("judged")).unwrap(), &record, &[], "lamps").unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_vernis"));
     command.args(["report", "--study", "synthetic", "--benchmark", "judged", "--out", "page"]);

@@ -373,11 +373,15 @@ fn files_that_are_none_are_named() {
         &["benchmark", "--extracted", "old.parquet"],
         &["old.parquet has no column ", "extract again"],
     );
-    refused(place.path(), &["train", "--extracted", "old.parquet", "--study", "synthetic"], &["cannot be used with"]);
+    refused(
+        place.path(),
+        &["train", "--extracted", "old.parquet", "--lights", "old.parquet"],
+        &["cannot be used with"],
+    );
     refused(
         place.path(),
         &["train", "--extracted", "old.parquet", "--resamples", "39"],
-        &["'39' for '--resamples", "it must be an integer of at least 40"],
+        &["'39' for '--resamples", "it must be an integer from 40 to 20000"],
     );
     let mut wrong = small();
     wrong.whole = 5;

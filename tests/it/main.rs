@@ -17,6 +17,8 @@ mod learned;
 mod losses;
 mod old_files;
 mod output;
+#[cfg(feature = "train")]
+mod plan;
 mod readme;
 mod report;
 mod rooms;

@@ -66,6 +66,18 @@ pub(crate) fn record(synthetic: bool) -> BenchmarkRecord {
     BenchmarkRecord { synthetic, ..RECORD.clone() }
 }
 
+/// The made-up record as one of the embedded study.
+pub(crate) fn record_of_the_embedded_study() -> BenchmarkRecord {
+    let mut record = BenchmarkRecord { study: "synthetic".into(), ..record(true) };
+    let study = vernis::dataset::Study::load("synthetic", None).unwrap();
+    record.predictions.truncate(study.pairs.len());
+    for (row, pair) in record.predictions.iter_mut().zip(study.pairs) {
+        (row.material, row.method, row.mos) = (pair.material, pair.method, pair.mos);
+    }
+    record.data_hashes.clear();
+    record
+}
+
 fn make_record() -> BenchmarkRecord {
     let columns = columns();
     let samples = samples(&columns);
@@ -138,6 +150,7 @@ fn make_record() -> BenchmarkRecord {
         calibration: Some(Calibration::of(&mos, &intervals, 0.95).unwrap()),
         predictions: prediction_records(samples.rows(), &[("vernis", &subject)]),
         did_not_help: vec!["Colour ratios < one by one: they are noise.".into()],
+        left_out: vec!["The split by <type> is left out.".into()],
     }
 }
 

@@ -53,6 +53,10 @@ pub fn body(record: &BenchmarkRecord, figures: &[Figure]) -> Markup {
             h2 { "What did not help" }
             ul { @for line in &record.did_not_help { li { (line) } } }
         }
+        @if !record.left_out.is_empty() {
+            h2 { "What is left out" }
+            ul { @for line in &record.left_out { li { (line) } } }
+        }
         h2 { "Notes on the metrics" }
         dl {
             @for metric in record.metrics.iter().filter(|m| !m.note.is_empty()) {
@@ -89,6 +93,10 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     if !record.did_not_help.is_empty() {
         let items: String = record.did_not_help.iter().map(|line| format!("* {}\n", text(line))).collect();
         push(&mut page, format_args!("\n## What did not help\n\n{items}"));
+    }
+    if !record.left_out.is_empty() {
+        let items: String = record.left_out.iter().map(|line| format!("* {line}\n")).collect();
+        push(&mut page, format_args!("\n## What is left out\n\n{items}"));
     }
     page.push_str("\n## Notes on the metrics\n\n");
     for metric in record.metrics.iter().filter(|m| !m.note.is_empty()) {

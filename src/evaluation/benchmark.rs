@@ -14,12 +14,13 @@ use super::bootstrap::{self, Bootstrapped, Resamples, holm};
 use super::cross_validation::FoldRecord;
 use super::dependent::DependentCorrelations;
 use super::records::{
-    AblationRecord, DifferenceRecord, Judgement, MaterialResidual, MetricKind, MetricRecord, PredictionRecord, RowSet,
-    Split,
+    AblationRecord, DifferenceRecord, Judgement, MaterialResidual, MethodResidual, MetricKind, MetricRecord,
+    PredictionRecord, RowSet, Split,
 };
 use crate::dataset::Row;
 use std::collections::BTreeMap;
 use vernis_metric::math::correlation::{pearson, spearman};
+use vernis_metric::math::resampling::mean;
 
 /// The rows of a study with their resamples, drawn once so that all metrics are judged on the same.
 pub struct Jury {
@@ -93,6 +94,12 @@ impl JudgedMetric {
 }
 
 impl Jury {
+    /// Errors of `predictions` by method, on the resamples of all rows.
+    pub fn residuals_by_method(&self, predictions: &Predictions, split: Split) -> Vec<MethodResidual> {
+        let all = self.benches.iter().find(|bench| bench.row_set == RowSet::All);
+        all.map_or_else(Vec::new, |all| residuals_by_method(&self.rows, predictions, split, &all.resamples))
+    }
+
     /// `set_aside` names the rows that the second set of rows leaves out; where it names none, or all, there is no
     /// second set.
     pub fn new(
@@ -236,6 +243,32 @@ pub fn residuals_by_material(rows: &[Row], predictions: &Predictions) -> Vec<Mat
         .collect();
     residuals.sort_by(|a, b| b.rms.total_cmp(&a.rms));
     residuals
+}
+
+/// Errors of `predictions` by method, in the order of their names; intervals from `resamples` of groups of materials.
+pub fn residuals_by_method(
+    rows: &[Row],
+    predictions: &Predictions,
+    split: Split,
+    resamples: &Resamples,
+) -> Vec<MethodResidual> {
+    let errors: Vec<f64> = rows.iter().zip(&predictions.mos).map(|(row, mos)| mos - row.mos).collect();
+    let mut methods: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (index, row) in rows.iter().enumerate() {
+        methods.entry(&row.method).or_default().push(index);
+    }
+    let residual = |(method, of_method): (&str, Vec<usize>)| {
+        let n = of_method.len() as f64;
+        MethodResidual {
+            method: method.to_owned(),
+            split,
+            rows: of_method.len(),
+            bias: of_method.iter().map(|&row| errors[row]).sum::<f64>() / n,
+            interval: resamples.interval(|counts| mean(&errors, &of_method, counts)),
+            rms: (of_method.iter().map(|&row| errors[row] * errors[row]).sum::<f64>() / n).sqrt(),
+        }
+    };
+    methods.into_iter().map(residual).collect()
 }
 
 /// What each of the named metrics predicted for each row.

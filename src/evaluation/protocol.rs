@@ -16,7 +16,7 @@ use super::cross_validation::{
 use super::importance::{permuted, with_share};
 use super::records::{
     AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
-    MetricKind, MetricRecord, PredictionRecord, Split,
+    MethodResidual, MetricKind, MetricRecord, PredictionRecord, Split,
 };
 use crate::dataset::Row;
 use crate::samples::Samples;
@@ -306,6 +306,12 @@ impl Bench {
     /// Errors of `subject` for unseen materials, by material, the largest root mean square first.
     pub fn residuals(&self, subject: &str) -> Result<Vec<MaterialResidual>, EvaluationError> {
         Ok(residuals_by_material(self.samples.rows(), self.out_of_fold(subject)?))
+    }
+
+    /// Errors of `subject` by method: for unseen materials, and for unseen methods too where the study has several.
+    pub fn method_residuals(&self, subject: &str) -> Vec<MethodResidual> {
+        let of = |split| self.found(subject, split).ok().map(|found| self.jury.residuals_by_method(found, split));
+        [Split::UnseenMaterial, Split::UnseenMaterialAndMethod].into_iter().filter_map(of).flatten().collect()
     }
 
     /// What each metric of `headline` predicted for rows whose material it has not seen.

@@ -236,6 +236,23 @@ pub struct MaterialResidual {
     pub worst_error: f64,
 }
 
+/// How far the predictions for one method's candidates are from their ratings, in the unit of the scale.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MethodResidual {
+    /// Name of the method.
+    pub method: String,
+    /// What the predictions had not seen.
+    pub split: Split,
+    /// Rated pairs of the method.
+    pub rows: usize,
+    /// Mean of predicted minus rated.
+    pub bias: f64,
+    /// Its 95 % interval, by bootstrap over materials.
+    pub interval: Option<Interval>,
+    /// Root mean square of predicted minus rated.
+    pub rms: f64,
+}
+
 /// A rated pair and what metrics, those of [`BenchmarkRecord::headline`] at least, predicted for it without having seen
 /// its material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -309,6 +326,9 @@ pub struct BenchmarkRecord {
     pub curves: Vec<CurveRecord>,
     /// Errors by material, the largest root mean square first.
     pub residuals: Vec<MaterialResidual>,
+    /// Errors by method, of predictions that had not seen the material, and of those that had not seen the method either.
+    #[serde(default)]
+    pub method_residuals: Vec<MethodResidual>,
     /// How well the intervals of the scores hold.
     pub calibration: Option<Calibration>,
     /// Predictions by rated pair.

@@ -7,7 +7,9 @@
 use super::agreement::{Agreement, Figure, Figures};
 use super::bootstrap::{Difference, Interval};
 use super::calibration::Calibration;
-use super::records::{BenchmarkRecord, CurvePoint, DifferenceRecord, Judgement, MaterialResidual, PredictionRecord};
+use super::records::{
+    BenchmarkRecord, CurvePoint, DifferenceRecord, Judgement, MaterialResidual, MethodResidual, PredictionRecord,
+};
 use crate::dataset::Identical;
 use vernis_metric::math::rating_scale::RatingScale;
 
@@ -29,6 +31,7 @@ impl BenchmarkRecord {
         self.differences.iter_mut().for_each(|d| difference(d, scale));
         self.curves.iter_mut().flat_map(|c| &mut c.points).for_each(|p| point(p, scale));
         self.residuals.iter_mut().for_each(|r| residual(r, scale));
+        self.method_residuals.iter_mut().for_each(|r| method_residual(r, scale));
         self.calibration = self.calibration.map(|c| calibration(c, scale));
         self.predictions.iter_mut().for_each(|p| prediction(p, scale));
         self.identical = self.identical.map(|i| Identical { score: scale.stated(i.score), ..i });
@@ -61,6 +64,15 @@ fn residual(residual: &mut MaterialResidual, scale: RatingScale) {
     residual.bias = scale.difference(residual.bias);
     residual.rms = scale.width(residual.rms);
     residual.worst_error = scale.difference(residual.worst_error);
+}
+
+fn method_residual(residual: &mut MethodResidual, scale: RatingScale) {
+    residual.bias = scale.difference(residual.bias);
+    residual.rms = scale.width(residual.rms);
+    residual.interval = residual.interval.map(|i| {
+        let [a, b] = [i.low, i.high].map(|end| scale.difference(end));
+        Interval { low: a.min(b), high: a.max(b) }
+    });
 }
 
 fn calibration(found: Calibration, scale: RatingScale) -> Calibration {

@@ -159,6 +159,7 @@ pub fn measure(
         learning_curve: Vec::new(),
         curves,
         residuals: if subject.is_empty() { Vec::new() } else { bench.residuals(&subject)? },
+        method_residuals: bench.method_residuals(&subject),
         calibration,
         predictions: bench.prediction_records(&headline),
         headline,

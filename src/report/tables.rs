@@ -231,6 +231,30 @@ pub fn residuals(record: &BenchmarkRecord, most: usize) -> Table {
     table
 }
 
+/// Errors by method: of predictions that had not seen the material, and of those that had not seen the method either.
+pub fn method_residuals(record: &BenchmarkRecord) -> Table {
+    let on = if record.scale.is_grades() { String::new() } else { format!(" ({})", record.scale) };
+    let digits = record.scale.decimals();
+    let mut table = Table::new(
+        format!(
+            "Errors of {} by method, predicted minus rated, in MOS{on} [95 % interval by material]",
+            subject(record)
+        ),
+        &["method", "not seen", "rows", "mean", "root mean square"],
+    );
+    for found in &record.method_residuals {
+        let range = found.interval.map_or(String::new(), |i| format!(" [{:+.digits$}, {:+.digits$}]", i.low, i.high));
+        table.rows.push(vec![
+            found.method.clone(),
+            found.split.label().to_owned(),
+            found.rows.to_string(),
+            format!("{:+.digits$}{range}", found.bias),
+            format!("{:.digits$}", found.rms),
+        ]);
+    }
+    table
+}
+
 /// What a run has to say where its metric, on unseen materials, agrees less well than one that was not learned: a sentence for its
 /// last lines. `None` where nothing is better by either correlation.
 pub fn defeat(record: &BenchmarkRecord) -> Option<String> {

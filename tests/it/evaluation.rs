@@ -319,6 +319,29 @@ fn residuals_name_the_material_that_is_farthest_off() {
     assert_eq!(found[1].rms, 0.0);
 }
 
+/// The same for methods: SGD alone is off, by 3 on one material of 40, and the resamples without that material find nothing.
+#[test]
+fn residuals_by_method_have_intervals_by_material() {
+    let samples = study();
+    let mut predictions = in_sample(&samples, "good").unwrap();
+    for (row, mos) in samples.rows().iter().zip(&mut predictions.mos) {
+        *mos = if row.material == "material-7" && row.method == "SGD" { row.mos - 3.0 } else { row.mos };
+    }
+    let jury = Jury::new(samples.rows(), |_| false, 400, 3).unwrap();
+    let found = jury.residuals_by_method(&predictions, Split::UnseenMaterial);
+    assert_eq!(found.iter().map(|r| r.method.as_str()).collect::<Vec<_>>(), METHODS);
+    for residual in &found {
+        let interval = residual.interval.unwrap();
+        if residual.method == "SGD" {
+            assert!((residual.bias + 3.0 / 40.0).abs() < 1e-12, "{residual:?}");
+            assert!((residual.rms - (9.0f64 / 40.0).sqrt()).abs() < 1e-12, "{residual:?}");
+            assert!(interval.low < -0.1 && interval.high == 0.0, "{residual:?}");
+        } else {
+            assert_eq!((residual.bias, interval.low, interval.high), (0.0, 0.0, 0.0));
+        }
+    }
+}
+
 /// The published ratings as rows without descriptors.
 fn published_ratings(folder: &std::path::Path) -> Samples {
     let table = |name: &str| {

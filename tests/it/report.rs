@@ -147,6 +147,7 @@ fn make_record() -> BenchmarkRecord {
         learning_curve: vec![learning(6.0, 1), learning(24.0, 0)],
         curves: vec![CurveRecord { metric: "D9.Cl".into(), points }],
         residuals: residuals_by_material(samples.rows(), &subject),
+        method_residuals: jury.residuals_by_method(&subject, Split::UnseenMaterial),
         calibration: Some(Calibration::of(&mos, &intervals, 0.95).unwrap()),
         predictions: prediction_records(samples.rows(), &[("vernis", &subject)]),
         did_not_help: vec!["Colour ratios < one by one: they are noise.".into()],
@@ -320,6 +321,7 @@ fn an_empty_benchmark_still_has_a_page() {
         learning_curve: vec![],
         curves: vec![],
         residuals: vec![],
+        method_residuals: vec![],
         calibration: None,
         predictions: vec![],
         ..record(false)

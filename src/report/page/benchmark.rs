@@ -124,6 +124,7 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
         ("Which descriptors the model relies on", tables::importance(record)),
         ("What more materials would bring", tables::learning_curve(record)),
         ("Where it is wrong", tables::residuals(record, MOST_RESIDUALS)),
+        ("Which methods it misjudges", tables::method_residuals(record)),
     ]
     .into_iter()
     .filter(|(_, table)| !table.rows.is_empty())

@@ -7,7 +7,9 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
+use vernis::experiment::BenchmarkOptions;
 use vernis::experiment::losses::{Found, LossesOptions, losses};
+use vernis::experiment::plan::Plan;
 use vernis::report::{self, OutputFolder};
 
 /// Experiments.
@@ -96,7 +98,11 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
 fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
-    study.validate(args.folds).map_err(user_error)?;
+    // The learned metrics are trained in these folds: a study that cannot be is refused before the work.
+    let (folds, data) = (Some(args.folds), shared.data.clone());
+    let how =
+        BenchmarkOptions { folds, data, resamples: args.resamples, seed: args.seed, ..BenchmarkOptions::default() };
+    Plan::of(&study, &how).map_err(workspace::experiment_error)?;
     let folder = OutputFolder::create(&args.out).map_err(user_error)?;
     let bar = Bar::new();
     let found = losses(&study, &options, &|stage, progress| bar.update(stage, progress));

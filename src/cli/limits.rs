@@ -81,7 +81,8 @@ mod tests {
     fn names_of_metrics_are_names_of_files() {
         assert_eq!(metric_name("mine-2.v1"), Ok("mine-2.v1".to_owned()));
         let long = "a".repeat(101);
-        for wrong in ["../evil", "a/b", "/tmp/x", "", ".", "..", ".hidden", "-x", "a b", "a\u{1b}[31m", "ä", "a\\b", &long]
+        for wrong in
+            ["../evil", "a/b", "/tmp/x", "", ".", "..", ".hidden", "-x", "a b", "a\u{1b}[31m", "ä", "a\\b", &long]
         {
             assert!(metric_name(wrong).unwrap_err().starts_with("it must begin with a letter or digit"), "{wrong}");
         }

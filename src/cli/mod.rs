@@ -3,11 +3,11 @@
 //! Exit codes: 0 success, 1 a fault of vernis or of the machine, 2 a mistake in what the user gave, 3 a fit that did not
 //! converge (its best result so far is written).
 
+#[cfg(feature = "train")]
+mod claims;
 mod compare;
 mod data;
 mod describe;
-#[cfg(feature = "train")]
-mod claims;
 #[cfg(feature = "train")]
 mod experiment;
 #[cfg(feature = "train")]

@@ -45,7 +45,7 @@ pub struct RatingsArgs {
     #[arg(long, value_name = "STUDY")]
     study: Option<String>,
     /// Raw ratings (.csv, or the .toml that describes one). With --study, ratings that contradict it are refused.
-    #[arg(long, value_name = "FILE", value_parser = limits::file)]
+    #[arg(long, value_name = "FILE")]
     ratings: Option<PathBuf>,
     /// Checks that reject a participant.
     #[arg(long, value_delimiter = ',', default_value = "gold,time", value_parser = ["gold", "time", "outlier", "none"])]

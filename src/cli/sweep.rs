@@ -168,7 +168,8 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     workspace::warn(&warnings);
     folder.write("sweep.csv", &sweep::csv(&record)?)?;
     let numbers = [done, options.combinations.len()];
-    let report = folder.write("sweep.md", sweep::markdown(&record, &command(&args, &study.name), numbers).as_bytes())?;
+    let report =
+        folder.write("sweep.md", sweep::markdown(&record, &command(&args, &study.name), numbers).as_bytes())?;
     if args.json {
         return print(serde_json::to_string_pretty(&record)? + "\n");
     }

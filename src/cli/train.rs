@@ -6,11 +6,11 @@ use super::{Shared, limits, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::{Study, contradiction};
+use vernis::dataset::{DatasetError, Study, contradiction};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::experiment::plan::Plan;
 use vernis::experiment::train::{RESAMPLES, Stage, metrics};
-use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
+use vernis::experiment::{BenchmarkOptions, ExperimentError, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
 use vernis::report::{OutputFolder, spreadsheet, tables, write_benchmark};
 use vernis::samples::extracted::ExtractedStudy;
@@ -25,7 +25,7 @@ pub struct StudyOptions {
     /// A whole study in a file of `vernis extract` or `vernis merge`. BRDFs are not needed: embeddings, which are learned from
     /// BRDFs, are omitted, and so are pictures of missing BRDFs. With --study, a file that was extracted from another study, or
     /// from ratings that have changed since, is refused.
-    #[arg(long, value_name = "PARQUET", value_parser = limits::file, conflicts_with_all = ["lights", "shape"])]
+    #[arg(long, value_name = "PARQUET", conflicts_with_all = ["lights", "shape"])]
     extracted: Option<PathBuf>,
     /// Seed of splits, resamples and initial weights. The same seed gives the same bytes.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
@@ -160,7 +160,8 @@ impl Job {
                     let study = options.input.study(shared)?;
                     if let Some(differs) = contradiction::of_studies(&extracted.study, &study) {
                         let name = &study.name;
-                        let message = format!("{place} was not extracted from the study {name} as it is now: {differs}");
+                        let message =
+                            format!("{place} was not extracted from the study {name} as it is now: {differs}");
                         return Err(user_error(message));
                     }
                 }
@@ -209,7 +210,9 @@ impl Job {
     /// An error of what follows the measurement, with where the measurement is.
     fn later(&self, error: anyhow::Error) -> anyhow::Error {
         let folder = self.folder.path().display();
-        error.context(format!("the measurement is finished and written ({folder}/benchmark.json), but what follows it failed"))
+        error.context(format!(
+            "the measurement is finished and written ({folder}/benchmark.json), but what follows it failed"
+        ))
     }
 
     /// The page, with pictures of the materials on which the metric is furthest off.
@@ -236,8 +239,14 @@ fn say(sentences: &[String]) {
 
 /// The folder for results, for a study that can be judged; says what the study does not support.
 fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
-    let plan = Plan::of(study, how).map_err(workspace::experiment_error)?;
-    say(&plan.left_out);
+    let plan = Plan::of(study, how).map_err(|error| match &error {
+        ExperimentError::Study(cause) if matches!(**cause, DatasetError::TooFewGroups { .. }) => {
+            user_error(format!("{error}; --folds sets their number"))
+        }
+        _ => workspace::experiment_error(error),
+    })?;
     let out = options.out.clone().unwrap_or_else(|| Path::new("out").join(study.short_name()));
-    OutputFolder::create(out).map_err(user_error)
+    let folder = OutputFolder::create(out).map_err(user_error)?;
+    say(&plan.left_out);
+    Ok(folder)
 }

@@ -19,15 +19,15 @@ pub fn of_ratings(study: &StudyOpinions, raw: &StudyOpinions) -> Option<String> 
         let of_study = study.stimuli.iter().find(|s| s.material == stimulus.material);
         let Some(of_study) = of_study else { continue };
         let stated = |what, found: Option<&str>, known: Option<&str>| match (found, known) {
-            (Some(found), Some(known)) if found != known => {
-                Some(format!("{what} of material {} is {found} in the ratings and {known} in the study", stimulus.material))
-            }
+            (Some(found), Some(known)) if found != known => Some(format!(
+                "{what} of material {} is {found} in the ratings and {known} in the study",
+                stimulus.material
+            )),
             _ => None,
         };
         let group = Some(stimulus.group.as_str()).filter(|group| *group != stimulus.material);
-        let differs = stated("the group", group, Some(&of_study.group)).or_else(|| {
-            stated("the type", stimulus.material_type.as_deref(), of_study.material_type.as_deref())
-        });
+        let differs = stated("the group", group, Some(&of_study.group))
+            .or_else(|| stated("the type", stimulus.material_type.as_deref(), of_study.material_type.as_deref()));
         if differs.is_some() {
             return differs;
         }
@@ -68,10 +68,7 @@ fn means(opinions: &StudyOpinions) -> BTreeMap<(&str, &str), f64> {
 }
 
 /// The first file of the same name whose content differs.
-pub fn of_files<'a>(
-    first: impl IntoIterator<Item = (&'a str, &'a str)>,
-    second: &[StudyFile],
-) -> Option<String> {
+pub fn of_files<'a>(first: impl IntoIterator<Item = (&'a str, &'a str)>, second: &[StudyFile]) -> Option<String> {
     first.into_iter().find_map(|(name, sha256)| {
         let other = second.iter().find(|file| file.name == name)?;
         (other.content.to_string() != sha256).then(|| format!("the content of {name} is another"))

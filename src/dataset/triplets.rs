@@ -132,7 +132,11 @@ mod tests {
             ("{}", NAMES, "t.json cannot be read (missing field `answers`"),
             (r#"{"answers":[[2,0,1]],"agreement":[]}"#, NAMES, "has 1 answers and 0 agreements"),
             (r#"{"answers":[],"agreement":[]}"#, NAMES, "has 0 answers"),
-            (r#"{"answers":[[3,0,1]],"agreement":[[1,1]]}"#, NAMES, "has material 3 in triplet 0, but the materials are 0 to 2"),
+            (
+                r#"{"answers":[[3,0,1]],"agreement":[[1,1]]}"#,
+                NAMES,
+                "has material 3 in triplet 0, but the materials are 0 to 2",
+            ),
             (r#"{"answers":[[0,0,1]],"agreement":[[1,1]]}"#, NAMES, "has triplet 0 of [0, 0, 1]"),
             (r#"{"answers":[[2,0,1]],"agreement":[[0,0]]}"#, NAMES, "has no vote"),
             (r#"{"answers":[[2,0,1]],"agreement":[[-1,0]]}"#, NAMES, "t.json cannot be read"),

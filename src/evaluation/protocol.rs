@@ -92,8 +92,9 @@ impl AblationCase {
     pub fn new(name: &str, samples: Samples, protocol: &Protocol) -> Result<Self, EvaluationError> {
         let by_material = grouped_folds(&samples, protocol.folds, protocol.seed)?;
         let unseen_method = protocol.splits.contains(&Split::UnseenMaterialAndMethod);
-        let by_method =
-            unseen_method.then(|| method_and_group_folds(&samples, protocol.method_folds, protocol.seed)).transpose()?;
+        let by_method = unseen_method
+            .then(|| method_and_group_folds(&samples, protocol.method_folds, protocol.seed))
+            .transpose()?;
         Ok(Self { name: name.to_owned(), columns: samples.columns().len(), samples, by_material, by_method })
     }
 }

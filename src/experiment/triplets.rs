@@ -136,7 +136,10 @@ fn judge(
     let rows: Vec<Vec<usize>> = (0..references.len()).map(|row| vec![row]).collect();
     let drawn = match rows.len() {
         0 | 1 => None,
-        _ => Some(Resamples::draw(&rows, resamples, seed, "triplet references").map_err(crate::evaluation::EvaluationError::from)?),
+        _ => Some(
+            Resamples::draw(&rows, resamples, seed, "triplet references")
+                .map_err(crate::evaluation::EvaluationError::from)?,
+        ),
     };
     let agreement = |(index, metric): (usize, &Arc<dyn Metric>)| {
         let mut of_reference: BTreeMap<usize, Sums> = BTreeMap::new();
@@ -144,7 +147,13 @@ fn judge(
             let distance = |k: usize| distances.get(&(triplet.reference, triplet.candidates[k])).map(|all| all[index]);
             let (Some(a), Some(b)) = (distance(0), distance(1)) else { continue };
             // The share of its choice that is the first of the two.
-            let first = if a < b { 1.0 } else if a > b { 0.0 } else { 0.5 };
+            let first = if a < b {
+                1.0
+            } else if a > b {
+                0.0
+            } else {
+                0.5
+            };
             let [va, vb] = triplet.votes.map(f64::from);
             let sums = of_reference.entry(triplet.reference).or_default();
             sums[0] += first * va + (1.0 - first) * vb;

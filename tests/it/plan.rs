@@ -155,7 +155,7 @@ fn the_smallest_study_that_is_not_refused_is_measured() {
     let options = ["benchmark", "--extracted", "odd.parquet", "--resamples", "40", "--out", "out", "--folds"];
     let said = done(place.path(), &[&options[..], &["3"]].concat());
     let parts = [
-        "unseen material and method is left out: to judge a0, a fold would train on 4 rows of 2 groups of materials",
+        "unseen material and method is left out: to judge a0, a fold would train on 2 rows of 1 group of materials",
         "unseen material type is left out: 1 of 12 rows name no type of material",
         "mean-of-method is left out: no method is rated on two groups of materials",
         "The learning curve is left out: with 20 % of the training materials a fold would train on 4 rows of 1 group",
@@ -187,7 +187,11 @@ fn odd_numbers_are_left_out_or_refused() {
     // Pairs whose BRDFs do not differ, whatever their files are called.
     let same = |_: usize, column: &Column| (column.role == Role::Difference).then_some(0.0);
     write(place.path(), &extracted([15, 1], &|_, _| (), &same));
-    refused(place.path(), &options, &["fold 1 of 3 would train on 10 rows of 10 groups whose descriptors do not differ"]);
+    refused(
+        place.path(),
+        &options,
+        &["fold 1 of 3 would train on 10 rows of 10 groups whose descriptors do not differ"],
+    );
     let equal = |k: usize, pair: &mut RatedPair| pair.mos = if k < 2 { 1.0 + k as f64 } else { 3.0 };
     write(place.path(), &extracted([6, 2], &equal, &AS_IT_IS));
     refused(place.path(), &options, &["groups whose ratings are all 3; the training side of every fold must have"]);
@@ -226,9 +230,12 @@ fn rated(name: &str) -> tempfile::TempDir {
 #[test]
 fn a_path_is_a_path_whatever_the_file_is_called() {
     // The last has no ending; with a folder before it, it is a path all the same.
-    for (name, path) in
-        [("good.csv", "good.csv"), ("synthetic.csv", "synthetic.csv"), ("my.study.csv", "my.study.csv"), ("synthetic", "./synthetic")]
-    {
+    for (name, path) in [
+        ("good.csv", "good.csv"),
+        ("synthetic.csv", "synthetic.csv"),
+        ("my.study.csv", "my.study.csv"),
+        ("synthetic", "./synthetic"),
+    ] {
         let place = rated(name);
         done(place.path(), &["report", "--study", path, "--out", "page"]);
         let html = fs::read_to_string(place.path().join("page/report.html")).unwrap();
@@ -254,9 +261,8 @@ fn inputs_that_contradict_each_other_are_refused() {
         change(&mut record);
         fs::write(place.path().join("benchmark.json"), record.to_string()).unwrap();
     };
-    judged(&|_| ());
     let report = |study: &'static str| ["report", "--study", study, "--benchmark", "benchmark.json", "--out", "page"];
-    done(place.path(), &report("synthetic"));
+    judged(&|_| ());
     refused(
         place.path(),
         &report("good.csv"),
@@ -266,6 +272,11 @@ fn inputs_that_contradict_each_other_are_refused() {
     refused(place.path(), &report("good.csv"), &["than good.csv: its study is synthetic"]);
     judged(&|record| (record["synthetic"], record["study"]) = (false.into(), "good".into()));
     refused(place.path(), &report("good.csv"), &["it has the pair ", ", which the study has not"]);
+    judged(&|record| {
+        (record["synthetic"], record["study"]) = (false.into(), "good".into());
+        record["predictions"] = Value::Array(Vec::new());
+    });
+    done(place.path(), &report("good.csv"));
     let ratings = "participant,material,method,score\np,m1,A,1\nq,m1,A,2\np,m1,B,5\nq,m1,B,4\n";
     fs::write(place.path().join("raw.csv"), ratings).unwrap();
     refused(
@@ -301,16 +312,16 @@ fn arguments_out_of_range_are_refused_before_the_work() {
         ("--lights", "nowhere.hdr", "nowhere.hdr"),
         ("--lights", ".", "it must be the name of a file"),
         ("--shape", "nowhere.ply", "it must be the name of a file"),
-        ("--extracted", "nowhere.parquet", "it must be the name of a file"),
-        ("--out", "ward.json", "ward.json: cannot write there"),
+        ("--extracted", "nowhere.parquet", "nowhere.parquet: No such file"),
     ] {
         refused(place.path(), &[&train[..], &[option, value]].concat(), &[part]);
     }
     for (command, part) in [
         (&["extract", "--study", "good.csv", "--shard", "1/99999999999"][..], "COUNT up to 1000000"),
+        (&["train", "--study", "synthetic", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["extract", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["study", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
-        (&["study", "--ratings", "nowhere.csv"], "it must be the name of a file"),
+        (&["study", "--ratings", "nowhere.csv"], "nowhere.csv: No such file"),
         (&["report", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["refit", "--study", "good.csv", "--out", "x", "--grid", "0"], "it must be an integer from 1 to 15"),
         (&["sweep", "--study", "good.csv", "--resamples", "1"], "it must be an integer from 40 to 20000"),
@@ -319,12 +330,18 @@ fn arguments_out_of_range_are_refused_before_the_work() {
             &["manifold", "--study", "good.csv", "--material", "m1", "--out", "x", "--dimension", "0"],
             "it must be an integer from 1 to 1000",
         ),
-        (&["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--grid", "16"], "it must be an integer from 1 to 15"),
+        (
+            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--grid", "16"],
+            "it must be an integer from 1 to 15",
+        ),
         (&["experiment", "losses", "--out", "x", "--materials", "1"], "it must be an integer from 2 to 10000"),
         (&["experiment", "losses", "--out", "x", "--max-evaluations", "9"], "it must be an integer from 10 to 1000000"),
         (&["experiment", "noise", "--study", "good.csv", "--a", "1.5"], "it must be a number from 0 to 1"),
         (&["experiment", "noise", "--study", "good.csv", "--raters", "0"], "it must be an integer from 1 to 100000"),
-        (&["experiment", "triplets", "--triplets", "no.json", "--materials", "no.txt"], "it must be the name of a file"),
+        (
+            &["experiment", "triplets", "--triplets", "no.json", "--materials", "no.txt"],
+            "it must be the name of a file",
+        ),
     ] {
         refused(place.path(), command, &[part]);
     }
@@ -340,7 +357,10 @@ fn the_bound_of_noise_and_triplets_are_printed() {
     };
     let noise = ["experiment", "noise", "--study", "good.csv", "--simulations", "40"];
     let found: Value = serde_json::from_str(&text(&[&noise[..], &["--json"]].concat())).unwrap();
-    assert_eq!((found["a"].as_f64(), found["raters"].as_f64(), found["stimuli"].as_u64()), (Some(0.2), Some(30.0), Some(4)));
+    assert_eq!(
+        (found["a"].as_f64(), found["raters"].as_f64(), found["stimuli"].as_u64()),
+        (Some(0.2), Some(30.0), Some(4))
+    );
     let plcc = found["plcc"]["value"].as_f64().unwrap();
     assert!(plcc > 0.9 && plcc < 1.0, "{plcc}");
     assert!(text(&noise).contains(&format!("| PLCC | {plcc:.3} | [")));
@@ -357,10 +377,16 @@ fn the_bound_of_noise_and_triplets_are_printed() {
     let triplets = ["experiment", "triplets", "--metric", "D1", "--metric", "vernis", "--triplets", "votes.json"];
     let more = ["--materials", "names.txt", "--archive", "some.fit", "--resamples", "40", "--json"];
     let found: Value = serde_json::from_str(&text(&[&triplets[..], &more].concat())).unwrap();
-    assert_eq!((found["triplets"].as_u64(), found["votes"].as_u64(), found["untied"].as_u64()), (Some(3), Some(12), Some(2)));
+    assert_eq!(
+        (found["triplets"].as_u64(), found["votes"].as_u64(), found["untied"].as_u64()),
+        (Some(3), Some(12), Some(2))
+    );
     assert_eq!(found["most"].as_f64(), Some(8.0 / 12.0));
     for metric in found["metrics"].as_array().unwrap() {
         // Nylon is nearer to teflon than chrome is: 3 of 4 votes, twice, and 2 of 4.
-        assert_eq!((metric["votes"]["value"].as_f64(), metric["majority"]["value"].as_f64()), (Some(8.0 / 12.0), Some(1.0)));
+        assert_eq!(
+            (metric["votes"]["value"].as_f64(), metric["majority"]["value"].as_f64()),
+            (Some(8.0 / 12.0), Some(1.0))
+        );
     }
 }

@@ -9,7 +9,9 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use vernis::dataset::{Study, manifest};
+use vernis::experiment::BenchmarkOptions;
 use vernis::experiment::losses::{Found, LossesOptions, losses};
+use vernis::experiment::plan::Plan;
 use vernis::experiment::rebuilt::{RebuiltOptions, hypotheses, rebuilt};
 use vernis::report;
 
@@ -114,7 +116,11 @@ fn cells(args: &LossesArgs) -> Result<(&str, usize)> {
 fn run_losses(shared: &Shared, args: &LossesArgs) -> Result<()> {
     let options = options(shared, args)?;
     let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
-    study.validate(args.folds).map_err(user_error)?;
+    // The learned metrics are trained in these folds: a study that cannot be is refused before the work.
+    let (folds, data) = (Some(args.folds), shared.data.clone());
+    let how =
+        BenchmarkOptions { folds, data, resamples: args.resamples, seed: args.seed, ..BenchmarkOptions::default() };
+    Plan::of(&study, &how).map_err(workspace::experiment_error)?;
     let inputs = Inputs::default().file(&args.study);
     let folder = output::folder(Some(&args.out), PathBuf::new, &["report.md"], &inputs, Replace::CONTINUES)?;
     let bar = Bar::new();

@@ -51,7 +51,7 @@ pub struct RatingsArgs {
     #[arg(long, value_name = "STUDY")]
     study: Option<String>,
     /// Raw ratings (.csv, or the .toml that describes one). With --study, ratings that contradict it are refused.
-    #[arg(long, value_name = "FILE", value_parser = limits::file)]
+    #[arg(long, value_name = "FILE")]
     ratings: Option<PathBuf>,
     #[command(flatten)]
     scale: ScaleArgs,

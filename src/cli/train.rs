@@ -8,11 +8,11 @@ use super::{Shared, limits, note, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::{Study, contradiction};
+use vernis::dataset::{DatasetError, Study, contradiction};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::experiment::plan::Plan;
 use vernis::experiment::train::{RESAMPLES, Stage, metric_name, metrics};
-use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
+use vernis::experiment::{BenchmarkOptions, ExperimentError, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
 use vernis::report::{self, OutputFolder, spreadsheet, tables, write_benchmark};
 use vernis::samples::extracted::ExtractedStudy;
@@ -27,7 +27,7 @@ pub struct StudyOptions {
     /// A whole study in a file of `vernis extract` or `vernis merge`. BRDFs are not needed: embeddings, which are learned from
     /// BRDFs, are omitted, and so are pictures of missing BRDFs. With --study, a file that was extracted from another study, or
     /// from ratings that have changed since, is refused.
-    #[arg(long, value_name = "PARQUET", value_parser = limits::file, conflicts_with_all = ["declared", "lights", "shape"])]
+    #[arg(long, value_name = "PARQUET", conflicts_with_all = ["declared", "lights", "shape"])]
     extracted: Option<PathBuf>,
     /// Seed of splits, resamples and initial weights. The same seed gives the same bytes.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
@@ -255,8 +255,12 @@ fn say(sentences: &[String]) {
 
 /// The folder for results, for a study that can be judged; says what the study does not support.
 fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
-    let plan = Plan::of(study, how).map_err(workspace::experiment_error)?;
-    say(&plan.left_out);
+    let plan = Plan::of(study, how).map_err(|error| match &error {
+        ExperimentError::Study(cause) if matches!(**cause, DatasetError::TooFewGroups { .. }) => {
+            user_error(format!("{error}; --folds sets their number"))
+        }
+        _ => workspace::experiment_error(error),
+    })?;
     let default = || Path::new("out").join(study.short_name());
     let metric = options.exported.as_ref().map(|name| {
         let name = name.clone().unwrap_or_else(|| metric_name(study));
@@ -265,5 +269,7 @@ fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Resu
     let report = report::FILES.into_iter().filter(|name| *name != "study.json").map(str::to_owned);
     let names: Vec<String> = report.chain(metric).collect();
     let inputs = options.input.inputs().files(&options.extracted).files(options.scores.file());
-    output::folder(options.out.as_deref(), default, &names, &inputs, options.replace)
+    let folder = output::folder(options.out.as_deref(), default, &names, &inputs, options.replace)?;
+    say(&plan.left_out);
+    Ok(folder)
 }

@@ -96,7 +96,8 @@ fn a_csv_file_round_trips_through_the_loader() {
                 x.zip:gold,npf.bin:gold,2,3,gold,,,,Metal\n";
     fs::write(&path, rows).unwrap();
     let study = Study::load(path.to_str().unwrap(), None).unwrap();
-    assert_eq!((study.name.as_str(), study.synthetic, study.pairs.len()), ("mine", false, 3));
+    assert_eq!((study.name.as_str(), study.short_name().as_str()), ("mine.csv", "mine"));
+    assert_eq!((study.synthetic, study.pairs.len()), (false, 3));
     assert_eq!(study.completeness, Completeness { found: 3, known: 3 });
     let row = study.pairs[0].row();
     assert_eq!((row.mos, row.weight), (4.25, 0.5));

@@ -538,7 +538,7 @@ fn the_command_reports_raw_ratings_of_a_users_own() {
     let (text, error) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert_eq!((output.status.code(), error.as_str()), (Some(0), ""));
     assert!(
-        text.starts_with("Ratings of export\n24 stimuli of 4 materials and 3 methods, under grace and uffizi"),
+        text.starts_with("Ratings of export.csv\n24 stimuli of 4 materials and 3 methods, under grace and uffizi"),
         "{text}"
     );
     assert!(
@@ -587,7 +587,10 @@ fn wrong_input_is_told_in_one_line() {
         (&["--ratings", "none.csv"][..], "none.csv"),
         (&["--ratings", "score.csv"], "score.csv, line 2: score is `7`; it must be 1 (very poor) to 5 (excellent)"),
         (&["--ratings", "one.csv"], "one.csv: all scores are of one participant, a; there must be at least 2"),
-        (&["--ratings", "fast.csv"], "fast: screening rejects all but 0 of 2 participants; it must leave at least 2"),
+        (
+            &["--ratings", "fast.csv"],
+            "fast.csv: screening rejects all but 0 of 2 participants; it must leave at least 2",
+        ),
         (&["--ratings", "good.csv", "--reject", "none,gold"], "--reject is none,gold; it must be none alone"),
         (&["--ratings", "good.csv", "--out", "file/x"], "file/x: cannot write there"),
         (&["--study", "lavoue2022"], "unknown study `lavoue2022`"),

@@ -7,6 +7,9 @@
 //! to the smallest roughness that the models allow. What is not measured counts as 0 and is said to be missing, so that the
 //! albedo of measured data is at least the number given.
 //!
+//! An albedo above 1.05 in any channel is implausible. Where colours may lie outside the gamut ([`Brdf::is_signed`]) a channel can
+//! exceed 1 though no wavelength does, and the luminance is looked at instead.
+//!
 //! A table that lacks its scale, or has it twice, is off by a factor of about 1,500 in MERL's case, and nothing else in it looks
 //! wrong. A value beyond what a lobe of albedo 1 has that is as narrow as the table's cells is a fault of the data:
 //!
@@ -18,7 +21,8 @@
 //! Cost: 49,152 evaluations, and one look at each cell of a table.
 
 use super::{Brdf, Grid, TabulatedBrdf};
-use crate::io::{decimals, number};
+use crate::io::decimals;
+use crate::math::color::luminance;
 use crate::math::{Rgb, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -141,13 +145,14 @@ impl fmt::Display for Implausible {
                 let degrees = |w: &Vec3| (w.x * w.x + w.y * w.y).sqrt().atan2(w.z).to_degrees();
                 write!(
                     f,
-                    "{cells} {} a value that no lobe has which is as narrow as the cells: {} 1/sr at theta_i {:.1}, theta_o {:.1} \
-                     deg, where at most {} is plausible",
+                    "{cells} {} a value that no lobe has which is as narrow as the cells: {:e} 1/sr at theta_i {:.1}, theta_o \
+                     {:.1} deg, where at most {:.1e} is plausible",
                     if *cells == 1 { "cell has" } else { "cells have" },
-                    number(*value),
+                    // Tables hold f32.
+                    *value as f32,
                     degrees(wi),
                     degrees(wo),
-                    decimals(*allowed, 0)
+                    allowed
                 )
             }
         }
@@ -175,7 +180,11 @@ impl Plausibility {
         let mut warnings = Vec::new();
         let known = || albedo.iter().filter(|a| a.measured > ENOUGH);
         // What is no number is not below either.
-        if albedo.iter().any(|a| !a.rgb.iter().all(|v| *v <= BRIGHT)) {
+        let possible = |a: &Albedo| match brdf.is_signed() {
+            true => luminance(a.rgb) <= BRIGHT,
+            false => a.rgb.iter().all(|v| *v <= BRIGHT),
+        };
+        if !albedo.iter().all(possible) {
             warnings.push(Implausible::Bright(albedo.to_vec()));
         } else if known().count() > 0 && known().all(|a| a.rgb.iter().all(|v| *v < DARK)) {
             warnings.push(Implausible::Dark(albedo.to_vec()));
@@ -241,7 +250,7 @@ mod tests {
     /// With F = 1 and a narrow lobe nearly nothing is masked: all of the light leaves.
     #[test]
     fn narrow_lobes_are_met() {
-        for alpha in [0.001, 0.01, 0.1] {
+        for alpha in [0.001, 0.003, 0.01] {
             for theta in ANGLES {
                 let mirror = Ggx { kd: [0.0; 3], f0: [1.0, 0.5, 0.04], alpha };
                 let [one, half, _] = Albedo::of(&mirror, theta).rgb;

@@ -38,9 +38,6 @@ pub fn what_it_is(extension: &str) -> Option<&'static str> {
         "gz" | "xz" | "bz2" | "zst" | "7z" | "tar" => {
             "a compressed file or archive; unpack it first (archives in .zip are read in place)"
         }
-        "npy" | "npz" | "mat" | "csv" | "txt" => {
-            "an array or text without a layout that vernis knows; write it as a MERL table"
-        }
         _ => return None,
     })
 }

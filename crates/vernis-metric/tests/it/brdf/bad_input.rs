@@ -115,7 +115,7 @@ fn models_in_json() {
     let twice = good.replace("0.15", "0.15,\"alpha\":0.5");
     let roughness = good.replace("alpha", "roughness");
     for (text, query, expected) in [
-        (&twice[..], "", "m.json: not a valid model in JSON: the key `alpha` is given twice at line 1 column 80"),
+        (&twice[..], "", "m.json: not a valid model in JSON: the key `alpha` is given twice at line 1 column 77"),
         (&roughness, "", "m.json: ggx has no parameter `roughness`; alpha = roughness^2 for the roughness of Disney"),
         (good, "?ior=1.5", "ggx has no parameter `ior`; f0 = ((n - 1) / (n + 1))^2 for an index of refraction n"),
         (&good.replace("ggx", "disney"), "", "m.json: unknown model `disney`; it is near ggx with kd = baseColor"),

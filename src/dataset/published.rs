@@ -233,6 +233,8 @@ fn rebuilt_sources(m: &RebuiltManifest, rating: &Rating) -> Option<(String, Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::Basis;
+    use crate::dataset::raw_layout::RawLayout;
     use std::fs;
 
     /// A data folder of the full study with two materials, of which one has a candidate table.
@@ -271,6 +273,29 @@ mod tests {
         assert_eq!(candidate, "lavoue2021/tables/pink-fabric.A.titopo");
         // The manifest pins the published files, which these are not.
         assert!(study.files.iter().all(|f| f.as_published == Some(false)));
+    }
+
+    #[test]
+    fn identical_brdfs_are_known_by_raw_ratings_else_by_what_the_manifest_declares() {
+        let dir = folder();
+        fs::write(dir.path().join("lavoue2021/tables/pink-fabric.A.titopo"), "").unwrap();
+        let mut manifest = Manifest::embedded("lavoue2021").unwrap();
+        let declared = load(&manifest, Some(dir.path())).unwrap().identical;
+        assert_eq!(declared.score, 4.39);
+        assert!(
+            declared.basis.to_string().contains("declared by the study: mean of the 100 hidden references under Grace")
+        );
+        // Under the light with the most stimuli; each reference counts once.
+        let rows = "participant,material,method,score,illumination\np,steel,REFERENCE,5,grace\nq,steel,REFERENCE,4,grace\n\
+                    p,nickel,REFERENCE,3,grace\np,steel,SGD,1,grace\np,steel,REFERENCE,1,uffizi\n";
+        fs::write(dir.path().join("raw.csv"), rows).unwrap();
+        manifest.rated.raw_ratings = Some(RawLayout { file: "raw.csv".into(), ..RawLayout::default() });
+        let found = load(&manifest, Some(dir.path())).unwrap().identical;
+        assert_eq!(found, Identical { score: 3.75, basis: Basis::RawRatings { stimuli: 2 } });
+        manifest.rated.raw_ratings = None;
+        manifest.rated.identical = None;
+        let assumed = load(&manifest, Some(dir.path())).unwrap().identical;
+        assert_eq!(assumed, Identical { score: 4.5, basis: Basis::Assumed });
     }
 
     #[test]

@@ -163,7 +163,10 @@ fn spread(record: &StudyRecord) -> String {
     let ends = match scale {
         scale if scale.is_grades() => "1 is very poor, 5 excellent.".to_owned(),
         scale if scale.is_open() => {
-            format!("{} is best; the scale has no worst end, and its ratings reach {}.", scale.best(), scale.worst())
+            let (best, worst) = (scale.best(), scale.worst());
+            format!(
+                "{best} is best; the scale has no worst end: {worst} stands for it, the worst rating rounded outwards."
+            )
         }
         scale => format!("{} is worst, {} best.", scale.worst(), scale.best()),
     };

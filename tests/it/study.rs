@@ -380,7 +380,7 @@ fn ratings_on_other_scales_are_described_and_reported() {
     );
     for (args, expected) in [
         (&["--study", "percent.csv", "--scale", "worst=0,best=100"][..], "0 is worst, 100 best."),
-        (&["--study", "dmos.csv"], "0 is best; the scale has no worst end, and its ratings reach 8."),
+        (&["--study", "dmos.csv"], "0 is best; the scale has no worst end: 8 stands for it, the worst rating"),
         (&["--ratings", "raw.csv", "--scale", "worst=0,best=100"], "0 is worst, 100 best."),
         (&["--ratings", "raw.toml"], "0 is worst, 100 best."),
     ] {

@@ -153,6 +153,8 @@ mod tests {
         assert_eq!(study.pairs.len(), PAIRS);
         study.validate(10).unwrap();
         assert_eq!(study.groups(), 38);
+        // What its observers say of references of quality 4.75, on a scale that ends at 5.
+        assert!((4.3..4.75).contains(&study.identical.score), "{:?}", study.identical);
     }
 
     #[test]

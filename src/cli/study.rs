@@ -7,8 +7,7 @@ use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis::dataset::opinions::StudyOpinions;
-use vernis::dataset::{DatasetError, DeclaredScale, Study, contradiction, synthetic};
-use vernis::panel::contradiction as of_pairs;
+use vernis::dataset::{DatasetError, DeclaredScale, Study, contradiction, rating_differences, synthetic};
 use vernis::panel::screening::Criterion;
 use vernis::panel::{Options, StudyRecord, describe as study_of};
 use vernis::report::study;
@@ -167,14 +166,14 @@ pub fn load(shared: &Shared, args: &RatingsArgs) -> Result<Ratings> {
 /// What the ratings and the study that they are said to be of do not agree on.
 fn contradictions(study: &StudyOpinions, raw: &StudyOpinions) -> Vec<String> {
     const SHOWN: usize = 5;
-    let Some(checked) = of_pairs::check(study, raw) else { return Vec::new() };
+    let Some(checked) = rating_differences::check(study, raw) else { return Vec::new() };
     if checked.common == 0 {
         let name = &study.name;
         return vec![format!(
             "--ratings has no material and method of the study {name}; are they those of another study?"
         )];
     }
-    let all = &checked.contradictions;
+    let all = &checked.differences;
     if all.is_empty() {
         return Vec::new();
     }
@@ -182,11 +181,11 @@ fn contradictions(study: &StudyOpinions, raw: &StudyOpinions) -> Vec<String> {
     let more = all.len().saturating_sub(SHOWN);
     let more = if more > 0 { format!("; and {more} more") } else { String::new() };
     vec![format!(
-        "--ratings contradicts the study {} on {} of {} pairs, by more than {}: {}{more}; the ratings are used",
+        "--ratings contradicts the study {} on {} of {} pairs, by more than {} grades: {}{more}; the ratings are used",
         study.name,
         all.len(),
         checked.common,
-        of_pairs::TOLERANCE,
+        rating_differences::TOLERANCE,
         shown.join("; ")
     )]
 }

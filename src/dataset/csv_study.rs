@@ -306,7 +306,7 @@ mod tests {
                 "line 1: column `dmos` is on the scale mos; it must be on a scale where larger is worse",
             ),
             (
-                rows("mos,dmos", [2.0, 4.0]),
+                "reference,candidate,mos,dmos\na.binary,b.binary,2,2\n".to_owned(),
                 None,
                 "line 1: column `dmos` is beside `mos`; it must be the only column of ratings",
             ),

@@ -14,6 +14,7 @@ pub mod manifest;
 pub mod notice;
 pub mod opinions;
 mod published;
+pub mod rating_differences;
 mod ratings;
 pub mod raw_layout;
 pub mod raw_ratings;

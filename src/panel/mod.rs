@@ -8,7 +8,6 @@ mod analysis;
 pub mod anova;
 pub mod box_plot;
 mod comparison;
-pub mod contradiction;
 pub mod distribution;
 mod error;
 pub mod intraclass;

@@ -1,33 +1,36 @@
-//! Ratings that say something else than the study that they are said to be of.
+//! Where raw ratings and the study that they are said to be of differ, pair by pair. What contradicts it as a whole is in
+//! [`super::contradiction`].
 //!
 //! A study states the mean opinion score of each material and method; raw ratings have a mean of their own. Screening and rounding
 //! move a mean a little; a mean that is further off than [`TOLERANCE`] belongs to other people, another scale or another material.
 
-use crate::dataset::opinions::{Scores, StudyOpinions};
+use super::opinions::{Scores, StudyOpinions};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Points of the scale from 1 to 5.
+/// In grades.
 pub const TOLERANCE: f64 = 0.25;
 
 /// A material and method on which the two do not agree.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Contradiction {
+pub struct RatingDifference {
     /// Name of the reference's material.
     pub material: String,
     /// Name of the method.
     pub method: String,
-    /// Mean of the ratings.
+    /// Mean of the ratings, on their scale.
     pub rated: f64,
     /// How many ratings that is the mean of.
     pub ratings: usize,
-    /// The score that the study states.
+    /// The score that the study states, on its scale.
     pub stated: f64,
+    /// How far apart they are, in grades.
+    pub grades: f64,
 }
 
-impl fmt::Display for Contradiction {
+impl fmt::Display for RatingDifference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { material, method, rated, ratings, stated } = self;
+        let Self { material, method, rated, ratings, stated, .. } = self;
         write!(f, "{material}, {method}: {rated:.2} is the mean of {ratings} ratings, {stated:.2} the study's score")
     }
 }
@@ -38,7 +41,7 @@ pub struct Checked {
     /// Materials and methods that both have.
     pub common: usize,
     /// Those on which they differ by more than [`TOLERANCE`], furthest first.
-    pub contradictions: Vec<Contradiction>,
+    pub differences: Vec<RatingDifference>,
 }
 
 /// Compares the ratings `raw` with the scores that `study` states; `None` where the study states none, or `raw` has no ratings.
@@ -63,13 +66,13 @@ pub fn check(study: &StudyOpinions, raw: &StudyOpinions) -> Option<Checked> {
         checked.common += 1;
         let (stated, rated) = (sum / count as f64, total / ratings as f64);
         // A difference of exactly the tolerance is none.
-        if (stated - rated).abs() > TOLERANCE + 1e-9 {
+        let grades = (study.scale.grade(stated) - raw.scale.grade(rated)).abs();
+        if grades > TOLERANCE + 1e-9 {
             let [material, method] = [material, method].map(str::to_owned);
-            checked.contradictions.push(Contradiction { material, method, rated, ratings, stated });
+            checked.differences.push(RatingDifference { material, method, rated, ratings, stated, grades });
         }
     }
-    let off = |c: &Contradiction| (c.stated - c.rated).abs();
-    checked.contradictions.sort_by(|a, b| off(b).total_cmp(&off(a)));
+    checked.differences.sort_by(|a, b| b.grades.total_cmp(&a.grades));
     Some(checked)
 }
 
@@ -92,9 +95,9 @@ mod tests {
                     p,chalk,GGX,1\nq,chalk,GGX,2\np,chalk,WARD,3\nq,chalk,WARD,4\np,basalt,GGX,5\n";
         let raw = StudyOpinions::load_raw(&write("raw.csv", rows)).unwrap();
         let checked = check(&study, &raw).unwrap();
-        assert_eq!((checked.common, checked.contradictions.len()), (2, 1));
+        assert_eq!((checked.common, checked.differences.len()), (2, 1));
         assert_eq!(
-            checked.contradictions[0].to_string(),
+            checked.differences[0].to_string(),
             "chalk, GGX: 1.50 is the mean of 2 ratings, 4.50 the study's score"
         );
         assert_eq!(check(&raw, &study), None);

@@ -1,6 +1,6 @@
 //! On which cells the metric of a fit compares, and its search looks.
 
-use super::user_error;
+use super::{limits, user_error};
 use anyhow::Result;
 use clap::Args;
 use std::sync::Arc;
@@ -12,8 +12,8 @@ pub struct Cells {
     /// Grid of the metrics on graphs, THETA_IxTHETA_OxPHI_D [default: 45x45x180].
     #[arg(long, value_name = "GRID")]
     grid: Option<String>,
-    /// Cells of the metric per cell of the search, along each axis; 1 searches on the metric's own cells [default: 3].
-    #[arg(long, value_name = "N")]
+    /// Cells of the metric per cell of the search, along each axis, 1 to 15; 1 searches on the metric's own cells [default: 3].
+    #[arg(long, value_name = "N", value_parser = limits::integer(1..=15_usize))]
     coarsening: Option<usize>,
 }
 

@@ -2,10 +2,12 @@
 //! allowed.
 
 use std::fmt::Display;
+use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 use vernis::evaluation::bootstrap::{MAX_RESAMPLES, MIN_RESAMPLES};
+use vernis_metric::io::open_regular;
 
 /// Of cross-validation, by material.
 pub const FOLDS: RangeInclusive<usize> = 2..=1000;
@@ -54,10 +56,10 @@ pub fn metric_name(text: &str) -> Result<String, String> {
 /// The path of a file that is there.
 pub fn file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
-    match path.metadata() {
-        Ok(found) if found.is_file() => Ok(path),
-        Ok(_) => Err("it is no file; it must be the name of a file".to_owned()),
-        Err(error) => Err(format!("{error}; it must be the name of a file")),
+    match open_regular(&path) {
+        Ok(_) => Ok(path),
+        Err(error) if error.kind() == ErrorKind::NotFound => Err(format!("{error}; it must be the name of a file")),
+        Err(error) => Err(error.to_string()),
     }
 }
 

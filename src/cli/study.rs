@@ -167,12 +167,6 @@ pub fn load(shared: &Shared, args: &RatingsArgs) -> Result<Ratings> {
 fn contradictions(study: &StudyOpinions, raw: &StudyOpinions) -> Vec<String> {
     const SHOWN: usize = 5;
     let Some(checked) = rating_differences::check(study, raw) else { return Vec::new() };
-    if checked.common == 0 {
-        let name = &study.name;
-        return vec![format!(
-            "--ratings has no material and method of the study {name}; are they those of another study?"
-        )];
-    }
     let all = &checked.differences;
     if all.is_empty() {
         return Vec::new();

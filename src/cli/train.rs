@@ -179,16 +179,16 @@ impl Job {
                         return Err(user_error(message));
                     }
                 }
-                let folder = folder(options, &how, &extracted.study)?;
                 how.scores = options.scores.load(&extracted.study)?;
+                let folder = folder(options, &how, &extracted.study)?;
                 note(format_args!("{place}: embeddings are left out, for they are learned from BRDFs"));
                 (Measurement::of_extracted(&extracted, &how, purpose, &progress), folder)
             }
             None => {
                 let study = options.input.study(shared)?;
                 // Found unwritable before the work, not after it.
-                let folder = folder(options, &how, &study)?;
                 how.scores = options.scores.load(&study)?;
+                let folder = folder(options, &how, &study)?;
                 (Measurement::of(&study, &how, purpose, &progress), folder)
             }
         };

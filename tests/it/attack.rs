@@ -44,7 +44,9 @@ impl Place {
     /// The message of a run that must fail by the user's mistake.
     fn mistake(&self, args: &[&str]) -> String {
         let output = self.run(args);
-        let message = String::from_utf8(output.stderr).expect("UTF-8");
+        // What is wrong with an argument itself is told with a hint at the help.
+        let message =
+            String::from_utf8(output.stderr).expect("UTF-8").replace("\n\nFor more information, try '--help'.", "");
         assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
         assert_eq!(message.lines().count(), 1, "{args:?}: {message}");
         message
@@ -321,7 +323,7 @@ fn a_standard_error_that_cannot_be_written_changes_nothing() {
     for (args, code) in [
         (&["describe", "nowhere.json"][..], 2),
         (&["--nonsense"], 2),
-        (&["study", "--out", "o"], 0),
+        (&["study", "--out", "o", "--replace"], 0),
         (&["describe", "a.json", "--cache", "/dev/null/x"], 2),
     ] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("on this system");
@@ -356,7 +358,7 @@ fn runs_into_one_folder_end_well_or_are_refused() {
     let place = Place::new();
     for _ in 0..3 {
         let start = |_| {
-            let mut command = place.command("", &["study", "--study", "synthetic", "--out", "same"]);
+            let mut command = place.command("", &["study", "--study", "synthetic", "--out", "same", "--replace"]);
             command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts")
         };
         let running: Vec<_> = (0..4).map(start).collect();

@@ -312,7 +312,7 @@ fn what_does_not_exist_brings_the_nearest_names() {
         (["odd.json", "D1"], &["odd.json: unknown model `wrad`", "did you mean ward", "the models are lambert"]),
         (["extra.json", "D1"], &["extra.json: ward has no parameter `alhpa`", "did you mean alpha", "kd, ks, alpha"]),
         (["nowhere.binary", "D1"], &["nowhere.binary: no such file; looked for nowhere.binary"]),
-        (["ggx.txt", "D1"], &["`ggx.txt` is not a BRDF source", "extension `txt`", "write it as PATH.binary"]),
+        (["ggx.xyz", "D1"], &["`ggx.xyz` is not a BRDF source", "extension `xyz`", "write it as PATH.binary"]),
         (["ggx.json", "nowhere.vernis.json"], &["nowhere.vernis.json: cannot be read", "No such file"]),
         (["ggx.json", "ward.json"], &["ward.json, line 1", "not an exported metric"]),
     ] {

@@ -56,7 +56,7 @@ fn what_is_wrong_is_named_by_line() {
         (
             format!("material,method,d\n{rows}"),
             &[],
-            "scores.csv has no row for 1 of the 3 rated pairs of study, but it must have",
+            "scores.csv has no row for 1 of the 3 rated pairs of study.csv, but it must have",
         ),
         (
             format!("material,method,d\n{rows}gold,A,x\n"),
@@ -78,7 +78,7 @@ fn what_is_wrong_is_named_by_line() {
         (
             format!("material,method,d\n{rows}glod,A,3\n"),
             &[],
-            "scores.csv, line 4: the row is `glod`, `A`; it must be material and method of a rated pair of study; did you mean gold, A",
+            "scores.csv, line 4: the row is `glod`, `A`; it must be material and method of a rated pair of study.csv; did you mean gold, A",
         ),
         (
             format!("material,method,d9.cl\n{rows}gold,A,3\n"),
@@ -122,5 +122,5 @@ fn the_command_refuses_them_before_the_work() {
     let mut lines = error.lines();
     assert_eq!(lines.next(), Some("scores.csv: judged as metrics: `d` (larger is worse)"));
     let error = lines.collect::<String>();
-    assert!(error.starts_with("vernis: scores.csv has no row for 2 of the 3 rated pairs of study"), "{error}");
+    assert!(error.starts_with("vernis: scores.csv has no row for 2 of the 3 rated pairs of study.csv"), "{error}");
 }

@@ -143,7 +143,7 @@ fn a_study_is_refitted_and_a_second_run_keeps_what_is_there() {
 fn options_mean_the_same_in_every_command() {
     let place = Place::new();
     let fit = |more: &[&str]| {
-        let args = ["fit", "ward.json", "--model", "lambert", "--out", "fit.json", "--json"];
+        let args = ["fit", "ward.json", "--model", "lambert", "--out", "fit.json", "--replace", "--json"];
         let output = place.run(&[&args[..], more].concat());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(matches!(output.status.code(), Some(0 | 3)), "{more:?}: {said}");
@@ -227,6 +227,7 @@ fn a_fit_to_implausible_values_is_not_converged() {
             optimizer,
             "--out",
             "x.json",
+            "--replace",
         ];
         let output = place.run(&args);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -334,7 +335,7 @@ fn samples_of_a_manifold_are_written_and_leave_their_reference() {
         (compared["distances"]["D9.Cl"].as_f64().expect("a number"), last[2].parse::<f64>().expect("a number"));
     assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
     let text = String::from_utf8(manifold(&["--material", "ggx.json", "--dimension", "0"]).stderr).expect("UTF-8");
-    assert!(text.contains("it must be an integer of at least 1"), "{text}");
+    assert!(text.contains("it must be an integer from 1 to 1000"), "{text}");
     let text = String::from_utf8(manifold(&["--material", "teflon"]).stderr).expect("UTF-8");
     assert!(text.contains("--material is teflon; it must be one of ggx.json, ward.json"), "{text}");
 }

@@ -92,7 +92,7 @@ fn values_at_directions() {
         .expect("starts");
     child.stdin.take().expect("piped").write_all(text.as_bytes()).expect("read");
     let (said, _) = texts(&args, child.wait_with_output().expect("ends"), 0);
-    assert_eq!(said, "1 pairs of directions, 0 not measured: new/values.csv\n");
+    assert_eq!(said, "1 pair of directions, 0 not measured: new/values.csv\n");
     assert_eq!(
         place.read("new/values.csv"),
         format!("WOX,WOY,WOZ,WIX,WIY,WIZ,r,g,b\n0,-0.6,0.8,0,0.6,0.8,{expected}\n")
@@ -105,7 +105,7 @@ fn values_at_directions() {
     assert_eq!(place.read("new/values.csv"), out);
     for input in ["at.csv", "new/../at.csv", "ggx.json"] {
         let said = place.mistake(&["evaluate", "ggx.json", "--at", "at.csv", "--out", input, "--replace"]);
-        assert!(said.contains(&format!("--out {input} is an input of this command")), "{said}");
+        assert!(said.contains("input of this command; inputs are never replaced"), "{said}");
     }
 }
 
@@ -136,7 +136,7 @@ fn directions_that_are_none_are_named() {
         (format!("{head}\n0,0,1,0,0,0\n"), "at.csv, line 2: the length of wo is 0; it must be 1"),
         (format!("{head}\n0,0,1,0,x,1\n"), "at.csv, line 2: woy is `x`; it must be a number"),
         (format!("{head}\n0,0,1,0,NaN,1\n"), "at.csv, line 2: woy is `NaN`"),
-        (format!("{head}\n0,0,1,0,1\n"), "at.csv, line 2: the row has 5 fields; it must have 6"),
+        (format!("{head}\n0,0,1,0,1\n"), "at.csv, line 2: the number of fields is 5; it must be 6"),
         (format!("{head},R\n0,0,1,0,0,1,1\n"), "at.csv, line 1: the column `r` is there already"),
         ("wix,wiy,wiz\n0,0,1\n".to_owned(), "at.csv, line 1: no column `wox`; the columns are wix, wiy, wiz"),
         (String::new(), "at.csv, line 1: no column `wix`"),

@@ -52,7 +52,12 @@ fn no_command_replaces_what_it_reads() {
         cases.push(vec!["fit", "ggx.json", "--model", "lambert", "--out", "sub/soft.json"]);
     }
     if cfg!(feature = "train") {
-        fs::write(place.path().join("sub/metrics.csv"), STUDY).unwrap();
+        let rows = (0..24).map(|k| {
+            let (material, alpha, mos) = (k / 3, 0.1 + 0.02 * f64::from(k), 1.5 + 0.1 * f64::from(k));
+            format!("ggx.json?alpha=0.{material}1,other.json?alpha={alpha},{mos},m{material}\n")
+        });
+        let study = format!("reference,candidate,mos,material\n{}", rows.collect::<String>());
+        fs::write(place.path().join("sub/metrics.csv"), study).unwrap();
         cases.push(vec!["train", "--study", "sub/metrics.csv", "--folds", "2", "--out", "sub"]);
         cases.push(vec!["merge", "p.csv", "--out", "p.csv"]);
     }

@@ -172,7 +172,8 @@ fn the_smallest_study_that_is_not_refused_is_measured() {
 #[test]
 fn odd_numbers_are_left_out_or_refused() {
     let place = tempfile::tempdir().unwrap();
-    let options = ["benchmark", "--extracted", "odd.parquet", "--folds", "3", "--resamples", "40", "--out", "out"];
+    let options =
+        ["benchmark", "--extracted", "odd.parquet", "--folds", "3", "--resamples", "40", "--out", "out", "--replace"];
     // One row a material, descriptors of which most are constant, and a distance that says the same of every pair.
     let value = |_: usize, column: &Column| match column.family.as_str() {
         "angular" | "context" => Some(1.0),
@@ -203,7 +204,7 @@ fn what_was_measured_stays_when_a_later_step_fails() {
     write(place.path(), &extracted([6, 3], &|_, _| (), &AS_IT_IS));
     // A folder of that name cannot be replaced by a file.
     fs::create_dir_all(place.path().join("out/mine.vernis.json/x")).unwrap();
-    let options = ["--extracted", "odd.parquet", "--folds", "3", "--resamples", "40", "--out", "out"];
+    let options = ["--extracted", "odd.parquet", "--folds", "3", "--resamples", "40", "--out", "out", "--replace"];
     let output = run(place.path(), &[&["train", "--name", "mine"], &options[..]].concat());
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -323,7 +324,7 @@ fn arguments_out_of_range_are_refused_before_the_work() {
         (&["study", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["study", "--ratings", "nowhere.csv"], "nowhere.csv: No such file"),
         (&["report", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
-        (&["refit", "--study", "good.csv", "--out", "x", "--grid", "0"], "it must be an integer from 1 to 15"),
+        (&["refit", "--study", "good.csv", "--out", "x", "--coarsening", "0"], "it must be an integer from 1 to 15"),
         (&["sweep", "--study", "good.csv", "--resamples", "1"], "it must be an integer from 40 to 20000"),
         (&["sweep", "--study", "good.csv", "--folds", "0"], "it must be an integer from 2 to 1000"),
         (

@@ -39,6 +39,9 @@ const MOST_SINGLE: usize = 15;
 /// Families of the distances between graphs.
 const GRAPH_FAMILIES: [&str; 2] = [TRANSPORT_FAMILY, ENERGY_FAMILY];
 
+/// Learns an embedding in each fold; `None` where there is nothing to learn it from.
+pub type Embedder<'a> = &'a dyn Fn(&Samples, Learner) -> Result<Option<EmbeddedFolds>, EmbeddingError>;
+
 /// Metrics that were judged on a study, what was found so far, and what an export of its metric needs.
 pub struct StudyBenchmark {
     pub record: BenchmarkRecord,
@@ -179,7 +182,7 @@ impl StudyBenchmark {
     pub fn ablate(
         &mut self,
         learners: &[Learner],
-        embedded: &dyn Fn(&Samples, Learner) -> Result<Option<EmbeddedFolds>, EmbeddingError>,
+        embedded: Embedder<'_>,
         stage: &(dyn Fn(&str) + Sync),
     ) -> Result<(), ExperimentError> {
         let trainer = recipe::plain_kernel();

@@ -313,7 +313,7 @@ fn arguments_out_of_range_are_refused_before_the_work() {
         ("--lights", "nowhere.hdr", "nowhere.hdr"),
         ("--lights", ".", "it must be the name of a file"),
         ("--shape", "nowhere.ply", "it must be the name of a file"),
-        ("--extracted", "nowhere.parquet", "nowhere.parquet: No such file"),
+        ("--extracted", "nowhere.parquet", "nowhere.parquet: "),
     ] {
         refused(place.path(), &[&train[..], &[option, value]].concat(), &[part]);
     }
@@ -322,7 +322,7 @@ fn arguments_out_of_range_are_refused_before_the_work() {
         (&["train", "--study", "synthetic", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["extract", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["study", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
-        (&["study", "--ratings", "nowhere.csv"], "nowhere.csv: No such file"),
+        (&["study", "--ratings", "nowhere.csv"], "nowhere.csv: "),
         (&["report", "--study", "good.csv", "--out", "ward.json"], "ward.json: cannot write there"),
         (&["refit", "--study", "good.csv", "--out", "x", "--coarsening", "0"], "it must be an integer from 1 to 15"),
         (&["sweep", "--study", "good.csv", "--resamples", "1"], "it must be an integer from 40 to 20000"),

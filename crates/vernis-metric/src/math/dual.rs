@@ -306,7 +306,9 @@ mod tests {
         ];
         for (what, function, x, value, slope) in cases {
             let found = function(Dual::variable(x, 0));
-            assert_eq!((found.value, found.derivatives), (value, [slope, 0.0]), "{what}");
+            // Our error function is right to 1e-14.
+            assert!(found.value == value || (found.value - value).abs() < 1e-14, "{what}: {}", found.value);
+            assert_eq!(found.derivatives, [slope, 0.0], "{what}");
         }
         // Base and exponent at once: a lobe (1 - cos)^n at its edge, with n = 1.
         let both = Dual::<2>::variable(0.0, 0).powf(Dual::variable(1.0, 1));

@@ -167,7 +167,7 @@ fn all_starts_count_under_a_learned_metric() {
     }
 }
 
-/// The distance of another metric, refused with a given error for candidates with a bright highlight.
+/// The distance of another metric, refused with a given error for candidates whose highlight is brighter than the reference's.
 struct Refusing {
     inner: std::sync::Arc<dyn Metric>,
     error: MetricError,
@@ -175,7 +175,13 @@ struct Refusing {
 
 struct RefusingPrepared {
     inner: Box<dyn PreparedMetric>,
+    brightest: f64,
     error: MetricError,
+}
+
+fn highlight(brdf: &dyn Brdf) -> f64 {
+    let (wi, wo) = standard_directions(0.1, 0.1, std::f64::consts::PI);
+    brdf.eval(wi, wo).map_or(0.0, |f| f[0])
 }
 
 impl Metric for Refusing {
@@ -192,16 +198,14 @@ impl Metric for Refusing {
     }
 
     fn prepare(&self, reference: &dyn Brdf) -> Result<Box<dyn PreparedMetric>, MetricError> {
-        Ok(Box::new(RefusingPrepared { inner: self.inner.prepare(reference)?, error: self.error.clone() }))
+        let (inner, error) = (self.inner.prepare(reference)?, self.error.clone());
+        Ok(Box::new(RefusingPrepared { inner, brightest: highlight(reference), error }))
     }
 }
 
 impl PreparedMetric for RefusingPrepared {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        // A narrow lobe is bright where it mirrors.
-        let (wi, wo) = standard_directions(0.1, 0.1, std::f64::consts::PI);
-        let peak = candidate.eval(wi, wo).map_or(0.0, |f| f[0]);
-        if peak > 0.35 { Err(self.error.clone()) } else { self.inner.distance(candidate) }
+        if highlight(candidate) > self.brightest { Err(self.error.clone()) } else { self.inner.distance(candidate) }
     }
 }
 
@@ -243,12 +247,18 @@ fn a_candidate_that_the_metric_refuses_for_its_values_is_infinitely_bad() {
 /// Transport itself: a candidate whose graph spreads too far for its nodes is told from one that it cannot compare at all.
 #[test]
 fn a_graph_that_spreads_too_far_is_about_the_candidate() {
-    let metric = metric("ot[p=2,blur=0.01,phi=t,kappa=256,grid=20x20x80]");
+    // Values that are not compressed have value nodes of their own, cell by cell, in a bright lobe.
+    let metric = metric("ot[alpha=0.1,blur=0.01,phi=t,accuracy=fast]");
     let reference = build("lambert", &[0.5; 3]).expect("within bounds");
-    let bright = build("ggx", &[0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 0.003]).expect("within bounds");
+    let bright = build("ggx", &[0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 0.05]).expect("within bounds");
     let error = metric.distance(&*reference, &*bright).expect_err("too many nodes");
-    assert!(error.is_about_candidate_values(), "{error:?}");
+    assert!(matches!(error, MetricError::TooWide { side: Side::Candidate, .. }), "{error:?}");
+    assert!(
+        error.is_about_candidate_values() && error.to_string().contains("nodes; it must take at most"),
+        "{error:?}"
+    );
     let error = metric.distance(&*bright, &*reference).expect_err("too many nodes");
+    assert!(matches!(error, MetricError::TooWide { side: Side::Reference, .. }), "{error:?}");
     assert!(!error.is_about_candidate_values(), "{error:?}");
 }
 

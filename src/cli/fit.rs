@@ -13,6 +13,7 @@ use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::fit::optimizer::StopReason;
 use vernis_metric::fit::{AtBound, FitError, FitFile, Fitting, Start};
+use vernis_metric::io::counted;
 
 /// Fit a model to a BRDF.
 #[derive(Args)]
@@ -173,7 +174,7 @@ fn output(shared: &Shared, args: &FitArgs) -> Result<(OutputFolder, String)> {
 
 fn summary(file: &FitFile, path: &Path) -> String {
     let mut text = format!(
-        "{} of {} under {} {}\n{} at the start, {} at the end ({}, {} evaluations)\n",
+        "{} of {} under {} {}\n{} at the start, {} at the end ({}, {})\n",
         file.model,
         file.reference.source,
         file.metric.name,
@@ -181,7 +182,7 @@ fn summary(file: &FitFile, path: &Path) -> String {
         number(file.value_at_start),
         number(file.value),
         file.stop.name(),
-        file.evaluations + file.polish_evaluations,
+        counted(file.evaluations + file.polish_evaluations, "evaluation"),
     );
     // Tables of hundreds of numbers are for the file.
     if file.parameters.len() <= 16 {

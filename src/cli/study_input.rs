@@ -8,6 +8,7 @@ use anyhow::Result;
 use clap::Args;
 use std::path::Path;
 use vernis::dataset::{DatasetError, Study, manifest, synthetic};
+use vernis_metric::io::counted;
 
 /// Which study, and under which lights.
 #[derive(Args)]
@@ -38,7 +39,7 @@ impl StudyInput {
         let study = self.load(shared.data.as_deref())?;
         if !study.completeness.is_whole() {
             let c = study.completeness;
-            note(format_args!("{}: {} of {} rated pairs are here", study.name, c.found, c.known));
+            note(format_args!("{}: {} of {} are here", study.name, c.found, counted(c.known, "rated pair")));
         }
         Ok(study)
     }

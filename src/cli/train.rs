@@ -141,11 +141,13 @@ fn free_name(name: &str) -> Result<()> {
 }
 
 fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
+    let defeat = tables::defeat(record);
     if json {
+        defeat.into_iter().for_each(note);
         return print(format!("{}\n", serde_json::to_string_pretty(record)?));
     }
     let mut text = tables::headline(record).to_text();
-    text.extend(tables::defeat(record).map(|defeat| defeat + "\n"));
+    text.extend(defeat.map(|defeat| defeat + "\n"));
     if record.synthetic {
         text += "SYNTHETIC: these ratings come from simulated observers and say nothing about people.\n";
     }

@@ -14,6 +14,7 @@ use super::opinions::{REFERENCE, Scores, StudyOpinions};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
+use vernis_metric::io::counted;
 use vernis_metric::math::rating_scale::RatingScale;
 
 /// Where identical BRDFs are assumed, as a share of the way from the worst to the best end of a scale.
@@ -119,7 +120,9 @@ impl RatedPair {
 impl fmt::Display for Basis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::HiddenReferences { pairs } => write!(f, "mean of the study's hidden references, {pairs} rated pairs"),
+            Self::HiddenReferences { pairs } => {
+                write!(f, "mean of the study's hidden references, {}", counted(*pairs, "rated pair"))
+            }
             Self::RawRatings { stimuli } => write!(f, "mean of the {stimuli} hidden references in the raw ratings"),
             Self::Declared { source } => write!(f, "declared by the study: {source}"),
             Self::Assumed => write!(

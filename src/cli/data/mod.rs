@@ -7,6 +7,7 @@ use super::{Shared, print};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use vernis::dataset::inventory::{FileState, StudyStatus, inventory};
+use vernis_metric::io::counted;
 
 /// Studies and the files they need.
 #[derive(Args)]
@@ -60,7 +61,7 @@ fn study_text(study: &StudyStatus) -> String {
     if let Some(doi) = &study.doi {
         text += &format!("  doi:{doi}\n");
     }
-    text += &format!("  {} of {} rated pairs are here\n", study.pairs.found, study.pairs.known);
+    text += &format!("  {} of {} are here\n", study.pairs.found, counted(study.pairs.known, "rated pair"));
     if let Some(problem) = &study.problem {
         text += &format!("  cannot be loaded: {problem}\n");
     }

@@ -117,7 +117,8 @@ fn golden_labels_of_the_angular_family_are_permuted() {
 }
 
 /// The other implementation interpolates its table from a finer one and works in f32, so agreement is within a few per cent of the
-/// spread of each descriptor over the study: 1 % in the median, 5 % for nine of ten values, at most 25 %.
+/// spread of each descriptor over the study: 1 % in the median, 5 % for nine of ten values, at most 25 %. It read two bins of
+/// `npf.bin` as black, which version 2 of our reader does not: its BAGHER pairs say nothing any more.
 #[test_with::env(VERNIS_DATA)]
 #[test]
 fn golden_pairs() {
@@ -128,7 +129,7 @@ fn golden_pairs() {
         BrdfFeatures::compute(open.brdf.as_ref(), &setup).unwrap()
     };
     let mut errors = Vec::new();
-    for (method, material, expected) in &golden.pairs {
+    for (method, material, expected) in golden.pairs.iter().filter(|(method, ..)| method != "BAGHER") {
         let reference = open(format!("merl_nbrdf.zip:{material}"));
         let values = compact::compare(&reference, &open(candidate(method, material)), &setup);
         for (name, value) in compact::names().iter().zip(values) {
@@ -136,6 +137,7 @@ fn golden_pairs() {
             errors.push((error, format!("{name} {method} {material}: {value:.4}, golden {:.4}", expected[name])));
         }
     }
+    assert!(errors.len() >= 10 * compact::names().len(), "{}", errors.len());
     errors.sort_by(|a, b| a.0.total_cmp(&b.0));
     errors.iter().rev().take(12).for_each(|(error, what)| println!("{error:.3} {what}"));
     let at = |share: f64| errors[(share * (errors.len() - 1) as f64) as usize].0;

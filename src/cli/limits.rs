@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn files_must_be_there() {
         let place = tempfile::tempdir().unwrap();
-        assert!(file(place.path().to_str().unwrap()).unwrap_err().starts_with("it is no file;"));
+        assert!(file(place.path().to_str().unwrap()).unwrap_err().starts_with("it is a folder;"));
         assert!(file("nowhere.hdr").unwrap_err().contains("No such file"));
         std::fs::write(place.path().join("x.hdr"), "").unwrap();
         assert!(file(place.path().join("x.hdr").to_str().unwrap()).is_ok());

@@ -309,7 +309,7 @@ fn light_table(both: &IlluminationComparison) -> Table {
 /// Models: their parameters where the paper counts them, pairwise tests, and the manifold's samples.
 fn models(record: &StudyRecord) -> Vec<Block> {
     let mut blocks: Vec<Block> = parameters(record).map(Block::Table).into_iter().collect();
-    blocks.extend(record.models.iter().flat_map(|found| pairwise(found)));
+    blocks.extend(record.models.iter().flat_map(pairwise));
     blocks.extend(record.manifold.as_ref().map(|found| Block::Text(format!("{}.", manifold(found)))));
     if !blocks.is_empty() {
         blocks.insert(0, Block::Heading("Models"));

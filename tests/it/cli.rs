@@ -385,11 +385,14 @@ fn an_exported_metric_of_a_newer_format_or_of_damaged_shape_is_refused() {
         &|v| v["descriptors"]["setup"] = json!("v0"),
         &["m.vernis.json: unknown descriptors `v0`; this program knows v1-lamps-sphere"],
     );
-    refused(&|v| v["interval"]["factor"] = json!(-1), &["m.vernis.json: ", "interval is -1; it must be 0 or more"]);
+    refused(
+        &|v| v["interval"]["factor"] = json!(-1),
+        &["m.vernis.json: ", "the factor of the interval is -1; it must be 0 or more"],
+    );
     refused(&|v| v["regressor"]["terms"] = json!([]), &["m.vernis.json: ", "has no term"]);
     place.write("m.vernis.json", &text[..text.len() / 2]);
     let message = place.mistake(&["compare", "ward.json", "ggx.json", "-m", "m.vernis.json"]);
-    assert_says(&message, &["m.vernis.json, line 1", "EOF"]);
+    assert_says(&message, &["m.vernis.json, line 1", "not an exported metric: "]);
     // As it was written, the file gives the numbers of the metric that is built in.
     place.write("m.vernis.json", text);
     let built_in = place.json(&["compare", "ward.json", "ggx.json", "--json"]);

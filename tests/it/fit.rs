@@ -158,7 +158,7 @@ fn options_mean_the_same_in_every_command() {
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--grid", "9x9x36", "--out", "a.json"]);
     assert!(text.contains("--grid needs a metric with a grid, and D4.Cl has none"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--coarsening", "0", "--out", "a.json"]);
-    assert!(text.contains("coarsening is 0; it must be 1 to 15"), "{text}");
+    assert!(text.contains("'--coarsening <N>': it must be an integer from 1 to 15"), "{text}");
     for command in ["compare", "score", "fit", "refit", "manifold", "sweep", "train", "describe"] {
         let help = String::from_utf8(place.run(&[command, "--help"]).stdout).expect("UTF-8");
         let lines = || help.lines().map(str::trim_start).filter(|line| line.starts_with('-'));

@@ -118,7 +118,9 @@ fn a_fit_is_a_brdf_and_is_kept() {
         );
         let fitted = BrdfSource::parse(&file(name).to_string_lossy()).unwrap().open(None).unwrap();
         let distance = metric.distance(&*reference.brdf, &*fitted.brdf).unwrap();
-        assert!((distance / kept.value - 1.0).abs() < 1e-9, "{name}: {distance} {}", kept.value);
+        // Version 1.1 of `vernis` has other distances than the version that the file names.
+        let same = (distance / kept.value - 1.0).abs() < 1e-9;
+        assert_eq!(same, metric.version() == version, "{name}: {distance} {}", kept.value);
         assert!(value.is_nan() || kept.value == value);
     }
 }

@@ -311,7 +311,7 @@ fn arguments_out_of_range_are_refused_before_the_work() {
         ("--name", "../evil", "it must begin with a letter or digit"),
         ("--name", "D9.Cl", "--name is D9.Cl, which is a metric of vernis itself"),
         ("--lights", "nowhere.hdr", "nowhere.hdr"),
-        ("--lights", ".", "it must be the name of a file"),
+        ("--lights", ".", "it is a folder; it must be a regular file"),
         ("--shape", "nowhere.ply", "it must be the name of a file"),
         ("--extracted", "nowhere.parquet", "nowhere.parquet: "),
     ] {

@@ -19,6 +19,7 @@ use std::time::Duration;
 use transport_golden::GOLDEN;
 use transport_pairs::{Model, Point};
 use vernis_metric::brdf::models::Ggx;
+use vernis_metric::metric::Side;
 use vernis_metric::metric::graph::{CosineTable, GraphGrid, GraphMetric};
 use vernis_metric::metric::kernel::KernelMetric;
 use vernis_metric::metric::transport::{
@@ -111,7 +112,7 @@ fn energy(criterion: &mut Criterion) {
     let metal = |alpha| Ggx { kd: [0.01; 3], f0: [0.95, 0.64, 0.54], alpha };
     for size in ["9x9x36", "45x45x180", "90x90x360"] {
         let graph = KernelMetric::named(&format!("energy[grid={size}]")).expect("a metric");
-        let table = |alpha| CosineTable::of(&metal(alpha), graph.grid(), "a metal").expect("a table");
+        let table = |alpha| CosineTable::of(&metal(alpha), graph.grid(), Side::Alone).expect("a table");
         let (reference, candidate) = (table(0.02f64.sqrt()), table(0.03f64.sqrt()));
         let prepared = graph.prepare_table(Arc::new(reference)).expect("valid");
         group.bench_function(size, |bencher| {

@@ -265,7 +265,8 @@ fn once(
     }
 }
 
-/// The content at `address` from byte `from` on, or from an earlier one.
+/// The content at `address` from byte `from` on, or from an earlier one; a server has `left` to answer.
+#[cfg_attr(not(feature = "fetch"), allow(unused_variables, reason = "there are no servers without the feature"))]
 fn open(address: &Address, from: u64, left: Duration) -> Result<Stream, DatasetError> {
     let error = |reason: String| DatasetError::Fetch { address: address.to_string(), reason };
     let stream = match address {

@@ -9,7 +9,7 @@ use crate::light::operator::Operator;
 use crate::light::shape::{self, Shape};
 use crate::light::source::{self, Light};
 use crate::math::Vec3;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// Version of the descriptors. It changes whenever a number changes, so that caches and exported metrics never mix.
@@ -70,7 +70,7 @@ pub(super) struct Operators {
     pub albedo: Operator,
 }
 
-fn file_id(path: &PathBuf, most: u64, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
+fn file_id(path: &Path, most: u64, error: impl Fn(String) -> LightError) -> Result<String, LightError> {
     let bytes = read_at_most(path, most).map_err(|e| error(e.to_string()))?;
     let hash = crate::brdf::ContentHash::of(&bytes).to_string();
     Ok(hash[..DIGITS].to_owned())

@@ -84,7 +84,7 @@ impl Nbrdf {
                 return Err(format!("{name} has chunks of shape {chunk:?}; each side must be at most {MOST_SIDE}"));
             }
             let values = dataset.read_f32().map_err(|e| format!("{name}: {e}"))?;
-            match values.iter().position(|v| !(v.abs() <= LARGEST)) {
+            match values.iter().position(|v| v.is_nan() || v.abs() > LARGEST) {
                 Some(k) => {
                     let allowed = format!("finite numbers of at most {LARGEST:e} in magnitude");
                     Err(format!("{name} holds {} at {k}; it must hold {allowed}", values[k]))

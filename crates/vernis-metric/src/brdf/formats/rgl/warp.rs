@@ -170,7 +170,7 @@ mod tests {
             let [x, y] = flattened(0.3, &densities[0], &densities[1], u, v).expect("positive");
             let row = |end: f64| (0..4000).map(|k| p((f64::from(k) + 0.5) / 4000.0 * end, v)).sum::<f64>() * end;
             assert!((x - row(u) / row(1.0)).abs() < 1e-6, "{x}");
-            assert!((y - integral(&p, 1.0, v) / integral(&p, 1.0, 1.0)).abs() < 1e-6, "{y}");
+            assert!((y - integral(p, 1.0, v) / integral(p, 1.0, 1.0)).abs() < 1e-6, "{y}");
         }
         let mean = densities[0].mean(0.3, &densities[1]);
         let [a, b] = [flattened(0.3, &densities[0], &densities[1], 0.4, 0.6), flattened(0.7, &mean, &mean, 0.4, 0.6)];

@@ -82,6 +82,7 @@ impl RatingsArgs {
     }
 
     /// Seed of splits and resamples.
+    #[cfg(feature = "train")]
     pub fn seed(&self) -> u64 {
         self.seed
     }

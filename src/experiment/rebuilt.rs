@@ -115,7 +115,7 @@ pub struct Verdict {
     pub srocc: Estimate,
     /// Mean of prediction minus rating.
     pub bias: Estimate,
-    /// Spearman's rho of the negated distance of [`UNTRAINED`] and the ratings.
+    /// Spearman's rho of the negated distance of D9.Cl, which learns nothing, and the ratings.
     pub untrained_srocc: Estimate,
 }
 

@@ -3,7 +3,7 @@
 //! f = c(x, y) D(m) / (4 sigma(v)) / cos theta_l,   (x, y) = W_v(m),   m = (l + v) / |l + v|
 //!
 //! l, v: towards the light and the viewer; c: linear RGB (dimensionless), D: distribution of facets (1/sr), sigma: projected area
-//! of the facets seen from v; W_v: the warp that flattens the density of the facets that v sees ([`warp`]). All of them are
+//! of the facets seen from v; W_v: the warp that flattens the density of the facets that v sees (`warp.rs`). All of them are
 //! tables over the unit square of (u, w): theta = u^2 pi/2, phi = (2 w - 1) pi, that of W_v with phi of m counted from that of
 //! v; c and W_v are linear in theta_v between the measured ones. Not reciprocal: measured as they are. The division by the
 //! cosine makes a BRDF of the product that the files hold.
@@ -15,7 +15,7 @@
 //! direction sees has no value.
 //!
 //! Isotropic files with RGB values are read. Refused by name: anisotropic ones (more than two `phi_i`), spectra.
-//! Source: Dupuy & Jakob 2018, doi:10.1145/3272127.3275059. Container: [`tensor`]. Cost: about 40 look-ups.
+//! Source: Dupuy & Jakob 2018, doi:10.1145/3272127.3275059. Container: `tensor.rs`. Cost: about 40 look-ups.
 
 mod tensor;
 mod warp;

@@ -8,7 +8,7 @@ use vernis_metric::brdf::models::{AnalyticBrdf, Field};
 use vernis_metric::brdf::plausibility::Plausibility;
 use vernis_metric::brdf::{Brdf, Grid, OpenBrdf, collection};
 use vernis_metric::descriptor::{BrdfFeatures, DescriptorSet, Family, Setup, VERSION};
-use vernis_metric::io::{decimals, number, shown};
+use vernis_metric::io::{counted, decimals, number, shown};
 use vernis_metric::math::coordinates::standard_directions;
 
 /// Tables of hundreds of parameters are for `--json`.
@@ -73,10 +73,9 @@ fn list(notation: &str, materials: &[String], json: bool) -> Result<()> {
     let mut text = match materials {
         [] => format!("{name} holds no material\n"),
         [first, ..] => {
-            let plural = if materials.len() == 1 { "" } else { "s" };
             format!(
-                "{name} holds {} material{plural}, each a BRDF such as {name}:{}\n",
-                materials.len(),
+                "{name} holds {}, each a BRDF such as {name}:{}\n",
+                counted(materials.len(), "material"),
                 shown(first, 200)
             )
         }

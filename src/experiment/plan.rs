@@ -21,6 +21,7 @@ use crate::train::trivial::MeanOf;
 use ndarray::Array2;
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::descriptor::Role;
+use vernis_metric::io::counted;
 
 /// Groups of materials that a training side must have: choices are made on folds inside it.
 const LEAST_GROUPS: usize = 2;
@@ -123,10 +124,6 @@ fn refused(study: &Study, reason: String) -> ExperimentError {
     ExperimentError::Unsupported { study: study.name.clone(), reason }
 }
 
-fn count(n: usize, one: &str, many: &str) -> String {
-    format!("{n} {}", if n == 1 { one } else { many })
-}
-
 fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     names.collect::<BTreeSet<_>>().len()
 }
@@ -140,7 +137,7 @@ fn obstacle(folds: &[Fold]) -> Option<(usize, String)> {
 fn of_training(training: &TrainingSet) -> Option<String> {
     let rows = training.rows();
     let groups = distinct(rows.iter().map(|row| row.group.as_str()));
-    let of_groups = || format!("{} of {}", count(rows.len(), "row", "rows"), count(groups, "group", "groups"));
+    let of_groups = || format!("{} of {}", counted(rows.len(), "row"), counted(groups, "group"));
     if rows.len() < LEAST_ROWS || groups < LEAST_GROUPS {
         return Some(of_groups() + " of materials");
     }
@@ -187,7 +184,7 @@ fn unseen_type(samples: &Samples) -> Option<String> {
         return Some("the study names no types of material".to_owned());
     }
     if without > 0 {
-        return Some(format!("{without} of {} name no type of material", count(rows.len(), "row", "rows")));
+        return Some(format!("{without} of {} name no type of material", counted(rows.len(), "row")));
     }
     if types.len() < 2 {
         let only = types.into_iter().next().unwrap_or_default();
@@ -217,8 +214,8 @@ fn set_aside(samples: &Samples, left_out: &mut Vec<String>) -> Vec<String> {
     left_out.push(format!(
         "The figures without {} are left out: they would rest on {} of {} of materials.",
         families.join(", "),
-        count(kept.len(), "row", "rows"),
-        count(groups, "group", "groups")
+        counted(kept.len(), "row"),
+        counted(groups, "group")
     ));
     Vec::new()
 }
@@ -302,7 +299,7 @@ fn embeddings(folds: &[Fold], options: &BenchmarkOptions, left_out: &mut Vec<Str
     if tables < LEAST_TABLES {
         left_out.push(format!(
             "Learned embeddings are left out of the ablation: a fold would learn them from {}; they need at least {LEAST_TABLES}.",
-            count(tables, "material", "materials")
+            counted(tables, "material")
         ));
     }
     Ok(tables >= LEAST_TABLES)

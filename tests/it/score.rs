@@ -66,6 +66,17 @@ fn rows(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
     (header, reader.records().map(|record| words(&record.unwrap())).collect())
 }
 
+/// A spreadsheet that opens the table computes nothing that the table's author did not write.
+#[test]
+fn reasons_are_no_formulas() {
+    let place = Place::new();
+    place.write("pairs.csv", "reference,candidate\nr0.json,c0_0.json\nr0.json,=1+1.json\n");
+    let [out, _] = place.said(&["pairs.csv", "-m", "D1"], 2);
+    let (_, rows) = rows(&out);
+    assert!(rows[1][3].starts_with("'=1+1.json: no such file"), "{out}");
+    assert_eq!(rows[1][1], "=1+1.json", "columns of the table stay as they are");
+}
+
 #[test]
 fn a_bad_row_costs_that_row() {
     let place = Place::new();

@@ -13,7 +13,7 @@ use clap::Args;
 use pairs::Pairs;
 use sink::{Columns, Sink};
 use std::path::{Path, PathBuf};
-use vernis_metric::io::Progress;
+use vernis_metric::io::{Progress, counted};
 use work::Scorer;
 
 /// Compare many pairs, from a CSV file to a CSV file.
@@ -133,8 +133,4 @@ fn refusal(pairs: &Pairs, line: u64, reason: &str, bad: usize, strict: bool) -> 
         (n, true) => format!("{first}; so are {} more of {} rows", n - 1, pairs.rows.len()),
         (n, false) => format!("{first}; none of the {n} rows can be computed"),
     }
-}
-
-fn counted(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vernis::report::spreadsheet::cell;
 use vernis_metric::io::write_atomically;
 use vernis_metric::metric::{Metric, learned};
 
@@ -32,7 +33,7 @@ impl Columns {
                 names.add(name);
             }
         }
-        metrics.iter().for_each(|metric| names.add(metric.name()));
+        metrics.iter().for_each(|metric| names.add(&cell(metric.name())));
         for (i, &metric) in learned.iter().enumerate() {
             let plain = i == 0 && !header.iter().any(|column| column == "mos");
             let suffix = if plain { String::new() } else { format!(":{}", metrics[metric].name()) };
@@ -66,7 +67,7 @@ impl Columns {
             }
             Err(reason) => {
                 cells.extend(vec![String::new(); self.metrics + 3 * self.learned.len()]);
-                cells.push(reason.clone());
+                cells.push(cell(reason).into_owned());
             }
         }
         line(&cells)

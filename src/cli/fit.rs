@@ -56,14 +56,14 @@ pub struct FitArgs {
     optimizer: String,
     #[command(flatten)]
     cells: Cells,
-    /// Number of starts to search from; the best result is kept. Starts beyond those that the reference suggests are random.
-    #[arg(long, value_name = "K", default_value_t = 1)]
+    /// Number of starts to search from, 1 to 1000; the best result is kept. Starts beyond those that the reference suggests are random.
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = limits::integer(1..=1000_usize))]
     starts: usize,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
-    /// Maximum number of evaluations for each start [default: 5000 for Lp metrics, 400 for others].
-    #[arg(long, value_name = "N")]
+    /// Maximum number of evaluations for each start, 10 to 100000000 [default: 5000 for Lp metrics, 400 for others].
+    #[arg(long, value_name = "N", value_parser = limits::integer(10..=100_000_000_usize))]
     max_evaluations: Option<usize>,
     /// The file to write.
     #[arg(long, short, value_name = "JSON")]

@@ -147,7 +147,7 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         return Err(user_error(format!("--accuracy is {}; it must be one of {allowed}", args.accuracy)));
     }
     if !(args.memory >= 0.0 && args.memory <= 1e6) {
-        return Err(user_error(format!("--memory is {}; it must be 0 or more GiB", args.memory)));
+        return Err(user_error(format!("--memory is {}; it must be 0 to 1000000 GiB", args.memory)));
     }
     let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     study.validate(args.folds).map_err(user_error)?;

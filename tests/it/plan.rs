@@ -332,8 +332,21 @@ fn arguments_out_of_range_are_refused_before_the_work() {
             "it must be an integer from 1 to 1000",
         ),
         (
-            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--grid", "16"],
+            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--coarsening", "16"],
             "it must be an integer from 1 to 15",
+        ),
+        // As it was called before.
+        (
+            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--grid", "16"],
+            "coarsening is 16; it must be 1 to 15 cells",
+        ),
+        (
+            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--starts", "1001"],
+            "it must be an integer from 1 to 1000",
+        ),
+        (
+            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--max-evaluations", "1"],
+            "it must be an integer from 10 to 100000000",
         ),
         (&["experiment", "losses", "--out", "x", "--materials", "1"], "it must be an integer from 2 to 10000"),
         (&["experiment", "losses", "--out", "x", "--max-evaluations", "9"], "it must be an integer from 10 to 1000000"),

@@ -2,7 +2,7 @@
 
 use super::output::{self, Inputs, Replace, STANDARD};
 use super::table::Table;
-use super::{Shared, print, user_error, workspace};
+use super::{Shared, print, to_standard, user_error, workspace};
 use anyhow::{Context, Result};
 use clap::Args;
 use rayon::prelude::*;
@@ -23,9 +23,10 @@ const CHUNK: usize = 1024;
 #[derive(Args)]
 #[command(after_help = "\
 The CSV file has a header with at least the columns wix,wiy,wiz (towards the light) and wox,woy,woz (towards the viewer), unit
-vectors in the frame whose +z is the normal, with commas, semicolons or tabs between fields. A length within 0.01 of 1 is normalised, any other is refused. The output has
-the same rows and columns and r,g,b: linear RGB, 1/sr, cosine not included. They are empty where nothing is measured, 0 where
-either direction is below the horizon, and may be negative for measured colours outside the gamut (RGL).
+vectors in the frame whose +z is the normal, with commas, semicolons or tabs between fields. A vector whose length is within
+0.01 of 1 is normalised; any other is refused. The output has the same rows and columns and r,g,b: linear RGB, 1/sr, cosine not
+included. They are empty where nothing is measured, 0 where either direction is below the horizon, and may be negative for
+measured colours outside the gamut (RGL).
 
 Examples:
   vernis evaluate alum-bronze.binary --at directions.csv
@@ -53,7 +54,7 @@ pub fn run(shared: &Shared, args: EvaluateArgs) -> Result<()> {
     let values = rows.evaluate(&*open.brdf)?;
     let csv = rows.to_csv(&values)?;
     match out {
-        None => print(String::from_utf8(csv).context("the table of values")?),
+        None => to_standard(&csv).map(drop),
         Some((folder, name)) => {
             folder.write(&name, &csv)?;
             let missing = values.iter().filter(|value| value.is_none()).count();

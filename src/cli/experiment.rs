@@ -38,7 +38,8 @@ enum Question {
 #[derive(Args)]
 #[command(after_help = "\
 Each trained metric becomes a file in OUT/metrics, each fit a file in OUT/fits; after an interruption (Ctrl-C, exit code 130;
-SIGTERM, 143) the same command continues with the next one. Files of another study or of other settings are refused. On two cores, 30 materials take about an hour.
+SIGTERM, 143) the same command continues with the next one. Files of another study or of other settings are refused. On two
+cores, 30 materials take about an hour.
 
 Examples:
   vernis experiment losses --data ~/brdf-data --out out/losses
@@ -160,8 +161,9 @@ fn command_line(args: &LossesArgs, study: &Study, options: &LossesOptions) -> St
 /// Predict a method's ratings from candidates rebuilt in several ways, with a judge that saw neither method nor material.
 #[derive(Args)]
 #[command(after_help = "\
-The study is `lavoue2021-open`, whose candidates are reconstructions. The experiment covers ABC (index of refraction), WARD (form of the
-lobe) and BAGHER, and then the metric's agreement without the rows of ABC and WARD. On two cores it takes about 15 minutes.
+The study is `lavoue2021-open`, whose candidates are reconstructions. The experiment covers ABC (index of refraction), WARD
+(form of the lobe) and BAGHER, and then the metric's agreement without the rows of ABC and WARD. On two cores it takes about
+five minutes.
 
 Example:
   vernis experiment rebuilt --data ~/brdf-data --out out/rebuilt")]

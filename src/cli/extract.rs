@@ -18,8 +18,8 @@ use vernis_metric::io::counted;
 #[derive(Args)]
 #[command(after_help = "\
 Reads every BRDF once; each worker thread holds one reference and one candidate at a time. The cache keeps finished work:
-after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues where it stopped, and a finished file is replaced
-by that of the next run. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
+after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues where it stopped, and a finished file is
+replaced by that of the next run. `vernis merge` joins shards; `vernis train --extracted` reads the whole.
 
 Examples:
   vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole

@@ -13,7 +13,7 @@ use vernis::report::OutputFolder;
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::fit::optimizer::StopReason;
 use vernis_metric::fit::{AtBound, FitError, FitFile, Fitting, Start};
-use vernis_metric::io::counted;
+use vernis_metric::io::{counted, decimals};
 
 /// Fit a model to a BRDF.
 #[derive(Args)]
@@ -123,7 +123,7 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
         StopReason::Flat => Err(NotConverged(format!(
             "{model}: the loss is {} and no step of a parameter changes it by a millionth: the result means nothing, though it \
              was written; look in {} for values that no reflectance has",
-            number(fitted.value),
+            decimals(fitted.value, 6),
             args.reference
         ))
         .into()),
@@ -179,8 +179,8 @@ fn summary(file: &FitFile, path: &Path) -> String {
         file.reference.source,
         file.metric.name,
         file.metric.version,
-        number(file.value_at_start),
-        number(file.value),
+        decimals(file.value_at_start, 6),
+        decimals(file.value, 6),
         file.stop.name(),
         counted(file.evaluations + file.polish_evaluations, "evaluation"),
     );
@@ -205,9 +205,4 @@ fn summary(file: &FitFile, path: &Path) -> String {
         text += &format!("on their bounds: {}{more}\n", shown.join(", "));
     }
     text + &format!("{}\n", path.display())
-}
-
-/// Six decimals, or powers of ten where they would show nothing or too much.
-fn number(x: f64) -> String {
-    if x == 0.0 || (1e-3..1e7).contains(&x.abs()) { format!("{x:.6}") } else { format!("{x:.5e}") }
 }

@@ -144,12 +144,16 @@ fn user_error(message: impl std::fmt::Display) -> anyhow::Error {
 /// Writes results to standard output; names and paths in them cannot act on a terminal. A reader that has seen enough, such as
 /// `head`, is no fault of anybody.
 fn print(text: impl std::fmt::Display) -> Result<()> {
+    to_standard(for_terminal(&text.to_string()).as_bytes()).map(drop)
+}
+
+/// Writes bytes to standard output as they are, for the table of another program. Returns whether its reader is still there.
+fn to_standard(bytes: &[u8]) -> Result<bool> {
     let mut out = std::io::stdout().lock();
-    match write!(out, "{}", for_terminal(&text.to_string())).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(anyhow::Error::new(error).context("standard output"))
-        }
-        _ => Ok(()),
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(anyhow::Error::new(error).context("standard output")),
     }
 }
 
@@ -208,16 +212,19 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             note(format_args!("vernis: {error:#}"));
-            let ended =
-                error.chain().find_map(|cause| cause.downcast_ref::<signals::Ended>()).map(signals::Ended::code);
-            let any = |is: fn(&(dyn std::error::Error + 'static)) -> bool| error.chain().any(is);
-            ExitCode::from(match () {
-                () if any(|cause| cause.is::<UserError>()) => 2,
-                () if any(|cause| cause.is::<fit::NotConverged>()) => 3,
-                () if ended.is_some() => ended.unwrap_or(1),
-                () => 1,
-            })
+            ExitCode::from(exit_code(&error))
         }
+    }
+}
+
+/// The exit code of what went wrong.
+fn exit_code(error: &anyhow::Error) -> u8 {
+    if error.chain().any(|cause| cause.is::<UserError>()) {
+        2
+    } else if error.chain().any(|cause| cause.is::<fit::NotConverged>()) {
+        3
+    } else {
+        error.chain().find_map(|cause| cause.downcast_ref()).map_or(1, signals::Ended::code)
     }
 }
 

@@ -8,7 +8,6 @@ use anyhow::Result;
 use indicatif::ProgressBar;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -98,8 +97,8 @@ fn code(last: &AtomicUsize) -> u8 {
     u8::try_from(128 + last.load(Ordering::Relaxed)).unwrap_or(130)
 }
 
-/// One line on standard error, without the bar. Where nobody listens, nothing is lost.
+/// One line on standard error, without the bar.
 fn say(bar: &ProgressBar, line: &str) {
     bar.finish_and_clear();
-    let _ = writeln!(std::io::stderr(), "{line}");
+    super::note(line);
 }

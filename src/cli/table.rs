@@ -3,10 +3,9 @@
 use super::output::STANDARD;
 use super::user_error;
 use anyhow::Result;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use vernis::dataset::csv_table::MOST_BYTES;
-use vernis_metric::io::read_at_most;
+use vernis_metric::io::{read_at_most, read_stream_at_most};
 
 /// Its bytes, and what it is called in messages.
 pub struct Table {
@@ -19,19 +18,14 @@ pub struct Table {
 impl Table {
     /// Of the file at `path`, or of standard input where that is `-`.
     pub fn read(path: &Path) -> Result<Self> {
-        if path == Path::new(STANDARD) {
-            let mut bytes = Vec::new();
-            let read = std::io::stdin().lock().take(MOST_BYTES + 1).read_to_end(&mut bytes);
-            let read = read.map_err(|e| user_error(format!("standard input: {e}")))?;
-            if read as u64 > MOST_BYTES {
-                return Err(user_error(format!(
-                    "standard input has more than {MOST_BYTES} bytes; it must have at most that"
-                )));
-            }
-            return Ok(Self { name: PathBuf::from("standard input"), folder: PathBuf::new(), bytes });
-        }
-        let bytes = read_at_most(path, MOST_BYTES).map_err(|e| user_error(format!("{}: {e}", path.display())))?;
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        Ok(Self { name: path.to_owned(), folder, bytes })
+        let (name, folder, bytes) = if path == Path::new(STANDARD) {
+            let bytes = read_stream_at_most(std::io::stdin().lock(), MOST_BYTES);
+            (PathBuf::from("standard input"), PathBuf::new(), bytes)
+        } else {
+            let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+            (path.to_owned(), folder, read_at_most(path, MOST_BYTES))
+        };
+        let bytes = bytes.map_err(|e| user_error(format!("{}: {e}", name.display())))?;
+        Ok(Self { name, folder, bytes })
     }
 }

@@ -14,7 +14,7 @@ use vernis::experiment::plan::Plan;
 use vernis::experiment::train::{RESAMPLES, Stage, metric_name, metrics};
 use vernis::experiment::{BenchmarkOptions, ExperimentError, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
-use vernis::report::{self, OutputFolder, spreadsheet, tables, write_benchmark};
+use vernis::report::{self, OutputFolder, tables, write_benchmark, write_numbers};
 use vernis::samples::extracted::ExtractedStudy;
 use vernis_metric::light::Light;
 use vernis_metric::metric::registry::Registry;
@@ -40,9 +40,6 @@ pub struct StudyOptions {
     out: Option<PathBuf>,
     #[command(flatten)]
     replace: Replace,
-    /// Whether a metric is exported, and its name where one was given.
-    #[arg(skip)]
-    exported: Option<Option<String>>,
     /// Cross-validation folds, by material: 2 to the number of groups of materials [default: 10; 5 for the embedded study].
     #[arg(long, value_name = "N", value_parser = limits::folds)]
     folds: Option<usize>,
@@ -95,13 +92,12 @@ struct Job {
     said: usize,
 }
 
-pub fn train(shared: &Shared, mut args: TrainArgs) -> Result<()> {
-    args.options.exported = Some(args.name.clone());
+pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
     let bar = Bar::new();
     if let Some(name) = &args.name {
         free_name(name)?;
     }
-    let mut job = Job::run(shared, &args.options, Purpose::Train, &bar)?;
+    let mut job = Job::run(shared, &args.options, Purpose::Train, args.name.as_deref(), &bar)?;
     let exported = job.explain(&bar).and_then(|()| {
         let metric = job.measurement.export(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
         Ok(job.folder.write(&format!("{}.vernis.json", metric.name), metric.to_json()?.as_bytes())?)
@@ -120,7 +116,7 @@ pub fn train(shared: &Shared, mut args: TrainArgs) -> Result<()> {
 
 pub fn benchmark(shared: &Shared, args: BenchmarkArgs) -> Result<()> {
     let bar = Bar::new();
-    let mut job = Job::run(shared, &args.options, Purpose::Benchmark, &bar)?;
+    let mut job = Job::run(shared, &args.options, Purpose::Benchmark, None, &bar)?;
     let explained = job.explain(&bar);
     bar.finish();
     let report = job.write_report(shared).map_err(|error| job.later(error))?;
@@ -155,7 +151,8 @@ fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
 }
 
 impl Job {
-    fn run(shared: &Shared, options: &StudyOptions, purpose: Purpose, bar: &Bar) -> Result<Self> {
+    /// `name` is that of the metric that [`Purpose::Train`] exports, where one was given.
+    fn run(shared: &Shared, options: &StudyOptions, purpose: Purpose, name: Option<&str>, bar: &Bar) -> Result<Self> {
         let mut how = BenchmarkOptions {
             data: shared.data.clone(),
             cache: if options.extracted.is_some() { None } else { workspace::cache(shared)? },
@@ -166,7 +163,10 @@ impl Job {
             scores: None,
         };
         let progress = |stage: &str, progress| bar.update(stage, progress);
-        let (measurement, folder) = match &options.extracted {
+        let exported = purpose == Purpose::Train;
+        let name = |study: &Study| name.map_or_else(|| metric_name(study), str::to_owned);
+        let file = |study: &Study| exported.then(|| format!("{}.vernis.json", name(study)));
+        let (measurement, (folder, said)) = match &options.extracted {
             Some(path) => {
                 let extracted = ExtractedStudy::load(path).map_err(user_error)?;
                 let place = path.display().to_string();
@@ -182,7 +182,7 @@ impl Job {
                     }
                 }
                 how.scores = options.scores.load(&extracted.study)?;
-                let folder = folder(options, &how, &extracted.study)?;
+                let folder = folder(options, &how, &extracted.study, file(&extracted.study))?;
                 note(format_args!("{place}: embeddings are left out, for they are learned from BRDFs"));
                 (Measurement::of_extracted(&extracted, &how, purpose, &progress), folder)
             }
@@ -190,15 +190,13 @@ impl Job {
                 let study = options.input.study(shared)?;
                 // Found unwritable before the work, not after it.
                 how.scores = options.scores.load(&study)?;
-                let folder = folder(options, &how, &study)?;
+                let folder = folder(options, &how, &study, file(&study))?;
                 (Measurement::of(&study, &how, purpose, &progress), folder)
             }
         };
         let measurement = measurement.map_err(workspace::experiment_error)?;
         workspace::warn(&measurement.warnings);
-        // What the plan left out was said before the work.
-        let plan = Plan::of(measurement.study(), &how).map_err(workspace::experiment_error)?;
-        let mut job = Self { measurement, folder, extracted: options.extracted.is_some(), said: plan.left_out.len() };
+        let mut job = Self { measurement, folder, extracted: options.extracted.is_some(), said };
         job.keep()?;
         Ok(job)
     }
@@ -206,10 +204,7 @@ impl Job {
     /// Writes down what is finished, and says what had to be left out.
     fn keep(&mut self) -> Result<()> {
         let record = self.measurement.record();
-        for (name, bytes) in spreadsheet::all(record)? {
-            self.folder.write(name, &bytes)?;
-        }
-        self.folder.write("benchmark.json", &serde_json::to_vec_pretty(record)?)?;
+        write_numbers(&self.folder, record)?;
         say(&record.left_out[self.said.min(record.left_out.len())..]);
         self.said = record.left_out.len();
         Ok(())
@@ -255,8 +250,14 @@ fn say(sentences: &[String]) {
     }
 }
 
-/// The folder for results, for a study that can be judged; says what the study does not support.
-fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Result<OutputFolder> {
+/// The folder for results, `metric` among them, for a study that can be judged; says what the study does not support, and returns
+/// how many sentences that took.
+fn folder(
+    options: &StudyOptions,
+    how: &BenchmarkOptions,
+    study: &Study,
+    metric: Option<String>,
+) -> Result<(OutputFolder, usize)> {
     let plan = Plan::of(study, how).map_err(|error| match &error {
         ExperimentError::Study(cause) if matches!(**cause, DatasetError::TooFewGroups { .. }) => {
             user_error(format!("{error}; --folds sets their number"))
@@ -264,14 +265,10 @@ fn folder(options: &StudyOptions, how: &BenchmarkOptions, study: &Study) -> Resu
         _ => workspace::experiment_error(error),
     })?;
     let default = || Path::new("out").join(study.short_name());
-    let metric = options.exported.as_ref().map(|name| {
-        let name = name.clone().unwrap_or_else(|| metric_name(study));
-        format!("{name}.vernis.json")
-    });
     let report = report::FILES.into_iter().filter(|name| *name != "study.json").map(str::to_owned);
     let names: Vec<String> = report.chain(metric).collect();
     let inputs = options.input.inputs().files(&options.extracted).files(options.scores.file());
     let folder = output::folder(options.out.as_deref(), default, &names, &inputs, options.replace)?;
     say(&plan.left_out);
-    Ok(folder)
+    Ok((folder, plan.left_out.len()))
 }

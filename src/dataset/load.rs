@@ -30,11 +30,7 @@ impl Study {
         data: Option<&Path>,
         scale: Option<DeclaredScale>,
     ) -> Result<Self, DatasetError> {
-        if scale.is_some()
-            && let Some(scale) = Self::own_scale(name_or_path)?
-        {
-            return Err(DatasetError::ScaleDeclared { study: name_or_path.into(), scale: scale.allowed() });
-        }
+        Self::check_scale(name_or_path, scale)?;
         if name_or_path == synthetic::NAME {
             return Ok(synthetic::generate(synthetic::SEED)?.study);
         }
@@ -48,18 +44,22 @@ impl Study {
         Err(Self::unknown(name_or_path))
     }
 
-    /// The scale that a study known by name declares; `None` for any other study.
+    /// That no scale is given for a study that is known by name: it declares its own.
     ///
     /// # Errors
-    /// A manifest that cannot be read.
-    pub(super) fn own_scale(name: &str) -> Result<Option<DeclaredScale>, DatasetError> {
-        if name == synthetic::NAME {
-            return Ok(Some(DeclaredScale::MOS));
+    /// A scale for such a study, or a manifest that cannot be read.
+    pub(super) fn check_scale(name: &str, given: Option<DeclaredScale>) -> Result<(), DatasetError> {
+        let own = if name == synthetic::NAME {
+            DeclaredScale::MOS
+        } else if manifest::NAMES.contains(&name) {
+            Manifest::embedded(name)?.rated.scale
+        } else {
+            return Ok(());
+        };
+        match given {
+            Some(_) => Err(DatasetError::ScaleDeclared { study: name.into(), scale: own.allowed() }),
+            None => Ok(()),
         }
-        if manifest::NAMES.contains(&name) {
-            return Ok(Some(Manifest::embedded(name)?.rated.scale));
-        }
-        Ok(None)
     }
 
     /// That there is no study `name`, with the nearest one there is.

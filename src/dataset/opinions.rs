@@ -83,11 +83,7 @@ impl StudyOpinions {
         data: Option<&Path>,
         scale: Option<DeclaredScale>,
     ) -> Result<Self, DatasetError> {
-        if scale.is_some()
-            && let Some(scale) = Study::own_scale(name_or_path)?
-        {
-            return Err(DatasetError::ScaleDeclared { study: name_or_path.into(), scale: scale.allowed() });
-        }
+        Study::check_scale(name_or_path, scale)?;
         if name_or_path == synthetic::NAME {
             return Ok(synthetic::sessions::simulate(&synthetic::generate(synthetic::SEED)?, synthetic::SEED).opinions);
         }

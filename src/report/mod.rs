@@ -20,6 +20,7 @@ use maud::html;
 pub use output::OutputFolder;
 use page::Head;
 use page::materials::Material;
+use serde::Serialize;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -67,6 +68,24 @@ pub struct Figure {
     pub png: Vec<u8>,
 }
 
+/// Writes the numbers of `record`: `benchmark.json`, and tables as CSV. Returns the names of the files.
+pub fn write_numbers(folder: &OutputFolder, record: &BenchmarkRecord) -> Result<Vec<&'static str>, ReportError> {
+    let tables = spreadsheet::all(record)?;
+    let mut names = vec![write_json(folder, "benchmark.json", record)?];
+    for (name, bytes) in tables {
+        folder.write(name, &bytes)?;
+        names.push(name);
+    }
+    Ok(names)
+}
+
+fn write_json(folder: &OutputFolder, name: &'static str, record: &impl Serialize) -> Result<&'static str, ReportError> {
+    let json =
+        serde_json::to_vec_pretty(record).map_err(|e| ReportError::Format { what: name, reason: e.to_string() })?;
+    folder.write(name, &json)?;
+    Ok(name)
+}
+
 /// Writes everything that `record` holds: `report.html`, `report.md`, `benchmark.json`, CSV tables, and each figure
 /// as SVG and PNG; `materials` are shown in the page. Returns its path. Each file is replaced whole or not at all.
 pub fn write_benchmark(
@@ -77,14 +96,7 @@ pub fn write_benchmark(
 ) -> Result<PathBuf, ReportError> {
     let figures = draw(record)?;
     write_figures(folder, &figures)?;
-    let mut names = vec!["benchmark.json"];
-    for (name, bytes) in spreadsheet::all(record)? {
-        folder.write(name, &bytes)?;
-        names.push(name);
-    }
-    let json = serde_json::to_vec_pretty(record)
-        .map_err(|e| ReportError::Format { what: "benchmark.json", reason: e.to_string() })?;
-    folder.write("benchmark.json", &json)?;
+    let names = write_numbers(folder, record)?;
     folder.write("report.md", page::benchmark::markdown(record, &figures).as_bytes())?;
     let head = Head {
         title: page::benchmark::title(record),
@@ -124,22 +136,13 @@ pub fn write_whole(folder: &OutputFolder, whole: &Whole<'_>) -> Result<PathBuf, 
     let (of_ratings, mut missing) = draw_whole(whole)?;
     missing.extend_from_slice(whole.missing);
     write_figures(folder, &of_ratings)?;
-    let json = |what, value: Result<Vec<u8>, serde_json::Error>| {
-        value.map_err(|e| ReportError::Format { what, reason: e.to_string() })
-    };
-    folder.write("study.json", &json("study.json", serde_json::to_vec_pretty(whole.study))?)?;
-    let mut names = vec!["study.json"];
+    let mut names = vec![write_json(folder, "study.json", whole.study)?];
     let mut judged = (html! {}, html! {});
     let mut provenance = page::study::provenance(whole.study);
     if let Some(record) = whole.benchmark {
         let figures = draw(record)?;
         write_figures(folder, &figures)?;
-        for (name, bytes) in spreadsheet::all(record)? {
-            folder.write(name, &bytes)?;
-            names.push(name);
-        }
-        folder.write("benchmark.json", &json("benchmark.json", serde_json::to_vec_pretty(record))?)?;
-        names.push("benchmark.json");
+        names.extend(write_numbers(folder, record)?);
         judged = (page::benchmark::headline(record), page::benchmark::body(record, &figures));
         provenance.extend(page::benchmark::provenance(record));
     }

@@ -22,8 +22,9 @@ use work::Scorer;
 PAIRS.csv has a header with at least the columns `reference` and `candidate`, each a BRDF as `vernis compare --help`
 describes; a relative path starts at the folder of PAIRS.csv, otherwise at the working directory or the data folder. Between
 fields may stand commas, semicolons or tabs. The output has the same rows in the same order and more columns: one per metric;
-`mos`, `mos_low`, `mos_high` for a learned metric, on the scale of its ratings (with `:NAME` appended for each learned metric after the first, and if
-PAIRS.csv has its own `mos`); and `reason`, which says why a row has no numbers. Names that are taken get `:2`.
+`mos`, `mos_low`, `mos_high` for a learned metric, on the scale of its ratings (with `:NAME` appended for each learned metric
+after the first, and if PAIRS.csv has its own `mos`); and `reason`, which says why a row has no numbers. Names that are taken
+get `:2`.
 
 All paths are looked up before the first distance. A row that cannot be computed is reported with its line, its cells stay
 empty, and the exit code is 2 when all others are done. With --strict it ends the command instead. Rows are appended to
@@ -80,7 +81,7 @@ pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
         }
     };
     bad.iter().for_each(|(line, reason)| tell(*line, reason));
-    let mut sink = if to_standard { Sink::standard(&columns, total)? } else { Sink::file(&args.out, &columns, total)? };
+    let mut sink = if to_standard { Sink::standard(&columns)? } else { Sink::file(&args.out, &columns, total)? };
     bar.update("pairs", Progress { done: 0, total });
     let scorer = Scorer { pairs: &pairs, metrics: &metrics, data: shared.data.as_deref() };
     let done = scorer.run(&mut |done, row, found| {

@@ -1,6 +1,6 @@
 //! Where finished rows go: standard output in the order of the table, or a file beside the target until all are there.
 
-use super::super::user_error;
+use super::super::{to_standard, user_error};
 use super::work::Found;
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -118,7 +118,7 @@ enum Place {
 
 impl Sink {
     /// Standard output; the header is written.
-    pub fn standard(columns: &Columns, _rows: usize) -> Result<Self> {
+    pub fn standard(columns: &Columns) -> Result<Self> {
         let header = columns.header()?;
         let place = Place::Standard { waiting: BTreeMap::new(), next: 0, open: to_standard(&header)? };
         Ok(Self { header, place })
@@ -178,15 +178,5 @@ impl Sink {
         drop(file);
         let path = partial(&out);
         std::fs::remove_file(&path).with_context(|| path.display().to_string())
-    }
-}
-
-/// Whether the reader of standard output is still there.
-fn to_standard(bytes: &[u8]) -> Result<bool> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(bytes).and_then(|()| out.flush()) {
-        Ok(()) => Ok(true),
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(anyhow::Error::new(error).context("standard output")),
     }
 }

@@ -165,7 +165,7 @@ fn fits_and_models() {
     // Deeper than any stack, and larger than any model.
     for (text, expected) in [
         (format!("{{\"model\":{}", "[".repeat(1 << 19)), "m.json: not a valid model in JSON: recursion limit"),
-        (" ".repeat((1 << 20) + 1), "m.json: the file has at least 1048577 bytes; it must have at most 1048576"),
+        (" ".repeat((1 << 20) + 1), "m.json: it has at least 1048577 bytes; it must have at most 1048576"),
     ] {
         fs::write(&path, text).expect("writable");
         let message = outcome(open(&path)).expect_err("no model");

@@ -181,14 +181,6 @@ impl BrdfSource {
         }
     }
 
-    /// The file that is read, where there is one.
-    pub fn file(&self, base: Option<&Path>) -> Option<PathBuf> {
-        match self {
-            Self::Notation(notation) => find(Parsed::new(notation).ok()?.path, base).ok(),
-            Self::Generated(_) => None,
-        }
-    }
-
     /// Reads the BRDF. A relative path is tried as given, then below `base`, the data folder, and its known subfolders.
     pub fn open(&self, base: Option<&Path>) -> Result<OpenBrdf, BrdfError> {
         match self {

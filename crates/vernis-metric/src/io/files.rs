@@ -74,7 +74,7 @@ pub fn read_stream_at_most(stream: impl Read, most: u64) -> io::Result<Vec<u8>> 
 }
 
 fn too_large(found: u64, most: u64) -> io::Error {
-    let message = format!("the file has at least {found} bytes; it must have at most {most}");
+    let message = format!("it has at least {found} bytes; it must have at most {most}");
     io::Error::new(io::ErrorKind::FileTooLarge, message)
 }
 

@@ -1,7 +1,8 @@
 //! Raw ratings in long form: a CSV file with one row a judgement.
 //!
 //! Columns, by name and in any order: `participant`, `material`, `method` (the two name the pair; `REFERENCE` is the
-//! reference shown as a candidate) and `score` (1 to 5, or on the scale that is declared); optional `illumination`, `seconds` (time to answer), `gold`
+//! reference shown as a candidate) and `score` (1 to 5, or on the scale that is declared); optional `illumination`, `seconds`
+//! (time to answer), `gold`
 //! (the expected score of a control question, empty for every other row), `group` and `material_type`.
 //! [`RawLayout`] maps other columns to these.
 

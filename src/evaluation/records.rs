@@ -168,7 +168,8 @@ impl AblationRecord {
     }
 }
 
-/// What the model of [`BenchmarkRecord::retrained`] loses, unseen material, all rows, when descriptors are exchanged between rows ([`super::importance`]).
+/// What the model of [`BenchmarkRecord::retrained`] loses, unseen material, all rows, when descriptors are exchanged between rows
+/// ([`super::importance`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ImportanceRecord {
     /// A family of descriptors, or one of them.

@@ -75,7 +75,8 @@ pub struct Bound {
 /// The bound on the study of `record`.
 ///
 /// # Errors
-/// Fewer than three stimuli, a scale without a worst end, one group of materials, fewer simulations than an interval needs, means that differ by no more than
+/// Fewer than three stimuli, a scale without a worst end, one group of materials, fewer simulations than an interval needs, means
+/// that differ by no more than
 /// their noise.
 pub fn bound(record: &StudyRecord, options: &NoiseOptions) -> Result<NoiseBound, StudyError> {
     let rated: Vec<_> = record.opinions.iter().filter(|o| !o.stimulus.is_reference()).collect();

@@ -2,7 +2,8 @@
 //!
 //!   v_s = a (-x_s^2 + 6 x_s - 5) = a (x_s - 1)(5 - x_s),   a = sum v g / sum g^2
 //!
-//! x_s: MOS of stimulus s, a grade from 1 to 5 (on another scale a is the same, for both sides carry its unit squared); v_s: sample variance of its scores; g = (x - 1)(5 - x); a from 0 (everybody
+//! x_s: MOS of stimulus s, a grade from 1 to 5 (on another scale a is the same, for both sides carry its unit squared); v_s:
+//! sample variance of its scores; g = (x - 1)(5 - x); a from 0 (everybody
 //! agrees) to 1 (only ends of the scale are used), by least squares through the origin. Source: Hossfeld, Schatz &
 //! Egger 2011 (doi:10.1109/QoMEX.2011.6065690), equations 3 and 4. The noise of x_s biases a by about -a^2/n (n
 //! scores a stimulus), which is left as it is. Cost: linear.

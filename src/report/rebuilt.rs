@@ -1,11 +1,12 @@
 //! The report of which rebuilt candidates explain the ratings, in Markdown and for a terminal.
 
+use super::markdown;
 use super::tables::Table;
 use crate::experiment::rebuilt::{Estimate, RebuiltRecord, Verdict, Without};
 
 /// The whole report; `command` makes it again.
 pub fn markdown(record: &RebuiltRecord, command: &str) -> String {
-    let mut text = format!("# Which rebuilt candidates explain the ratings?\n\n`{command}`\n\n");
+    let mut text = format!("# Which rebuilt candidates explain the ratings?\n\n{}\n\n", markdown::code(command));
     if record.synthetic {
         text += "**SYNTHETIC ratings: they come from simulated observers and say nothing about people.**\n\n";
     }

@@ -2,7 +2,8 @@
 //!
 //! One row a rated pair: its `place` in the study, what it belongs to, its score, where its BRDFs came from and the SHA-256 of
 //! their contents, then a column a descriptor or distance, and the same again with reference and candidate exchanged, under
-//! the name followed by `~exchanged`. Scores are grades, 1 to 5, and the header holds the scale of the study. The metadata hold a header in JSON under the key `vernis`. A file holds a whole study or
+//! the name followed by `~exchanged`. Scores are grades, 1 to 5, and the header holds the scale of the study. The metadata hold a
+//! header in JSON under the key `vernis`. A file holds a whole study or
 //! one [`Shard`] of it; [`ExtractedStudy::merge`] joins shards.
 
 use super::Samples;

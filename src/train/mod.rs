@@ -2,7 +2,8 @@
 //!
 //! A [`Trainer`] learns from a [`TrainingSet`] alone: standardisation, hyper-parameters, stopping and the map to the
 //! scale of the ratings are all fitted on its rows, choices on its own inner folds. What it returns predicts mean
-//! opinion scores, as grades from 1 to 5, from raw descriptors; identical BRDFs get [`TrainingSet::identical`]. The kernel and network trainers also give a portable
+//! opinion scores, as grades from 1 to 5, from raw descriptors; identical BRDFs get [`TrainingSet::identical`]. The kernel and
+//! network trainers also give a portable
 //! [`Regressor`], the part of an exported metric that was learned.
 
 #[cfg(feature = "train")]

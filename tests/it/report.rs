@@ -426,6 +426,18 @@ fn a_learned_metric_that_loses_says_so() {
     assert!(defeat(&poor).unwrap().contains("to 1 of 1 metric that"), "{:?}", defeat(&poor));
 }
 
+/// A sentence on what is left out quotes names from the user's files.
+#[test]
+fn names_in_sentences_open_no_tag() {
+    let left_out = vec!["<img src=x onerror=alert(1)> is left out: all values are equal.".to_owned()];
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &BenchmarkRecord { left_out, ..record(false) });
+    for name in ["report.html", "report.md"] {
+        let page = read(&folder, name);
+        assert!(page.contains("&lt;img src=x onerror=alert(1)") && !page.contains("<img src=x"), "{name}");
+    }
+}
+
 #[test]
 fn one_of_a_thing_is_singular() {
     let record = BenchmarkRecord { rows: 1, materials: 1, groups: 1, folds: 1, resamples: 1, ..record(false) };

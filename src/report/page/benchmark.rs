@@ -77,7 +77,7 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     }
     push(&mut page, format_args!("\n{}\n", tables::headline(record).to_markdown()));
     if let Some(defeat) = tables::defeat(record) {
-        push(&mut page, format_args!("**{defeat}**\n\n"));
+        push(&mut page, format_args!("**{}**\n\n", text(&defeat)));
     }
     push(&mut page, format_args!("{}\n", how_to_read(record)));
     for figure in figures {
@@ -95,7 +95,7 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
         push(&mut page, format_args!("\n## What did not help\n\n{items}"));
     }
     if !record.left_out.is_empty() {
-        let items: String = record.left_out.iter().map(|line| format!("* {line}\n")).collect();
+        let items: String = record.left_out.iter().map(|line| format!("* {}\n", text(line))).collect();
         push(&mut page, format_args!("\n## What is left out\n\n{items}"));
     }
     page.push_str("\n## Notes on the metrics\n\n");

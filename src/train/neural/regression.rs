@@ -11,7 +11,8 @@
 //!
 //! with Adam and decoupled weight decay (Loshchilov & Hutter 2019, algorithm 2), a cosine schedule, dropout (Srivastava
 //! et al. 2014) and noise on the inputs (Bishop 1995, doi:10.1162/neco.1995.7.1.108). The number of epochs is
-//! fixed, or chosen on inner folds by material that are trained side by side. Cost: measured in the benches, about a second for 470 rows of 48
+//! fixed, or chosen on inner folds by material that are trained side by side. Cost: measured in the benches, about a second for
+//! 470 rows of 48
 //! descriptors.
 
 use super::network::{LEAK, Stack, cosine_rate, device, read, tensor};

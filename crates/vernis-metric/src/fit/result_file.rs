@@ -18,7 +18,8 @@
 //! seal         SHA-256 of the rest: a kept fit that was changed is made again
 //! ```
 //!
-//! The first files had neither seal, fit_version, identity nor at_bounds, and the version of the program in place of that of a classical metric.
+//! The first files had neither seal, fit_version, identity nor at_bounds, and the version of the program in place of that of a
+//! classical metric.
 //!
 //! It is a BRDF source wherever one is accepted: the reader of model files takes `model` and `parameters`.
 

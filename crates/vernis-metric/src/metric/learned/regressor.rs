@@ -7,7 +7,8 @@
 //!
 //! so that identical BRDFs (f = 0) get `identity_mos` bit for bit, whatever was learned: both evaluations are then the
 //! same operations on the same numbers. Every weight is f64. The magnitudes of all numbers are bounded ([`LARGEST`] and the
-//! others), far beyond what training gives, so that no sum leaves the range of f64: a prediction is always a number. Cost: two evaluations of each g, 1e4 to 1e5
+//! others), far beyond what training gives, so that no sum leaves the range of f64: a prediction is always a number. Cost: two
+//! evaluations of each g, 1e4 to 1e5
 //! multiplications.
 
 use crate::descriptor::{Column, Role};

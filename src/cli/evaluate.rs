@@ -1,7 +1,7 @@
 //! `vernis evaluate`: the values of a BRDF at pairs of directions, from a CSV file to a CSV file.
 
 use super::output::{self, Inputs, Replace, STANDARD};
-use super::table::Table;
+use super::table::{self, Table};
 use super::{Shared, print, to_standard, user_error, workspace};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -91,14 +91,7 @@ impl Rows {
         }
         let mut columns = [0; 6];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
-            *column = table.column(&input.name, name).map_err(user_error)?.ok_or_else(|| {
-                let found: Vec<_> = header.iter().map(|h| shown(h, 50)).take(20).collect();
-                user_error(format!(
-                    "{place}, line 1: no column `{name}`; the columns are {}; {} are needed",
-                    found.join(", "),
-                    COLUMNS.join(", ")
-                ))
-            })?;
+            *column = table::column(&table, &input.name, name, &COLUMNS)?;
         }
         let (mut rows, mut directions) = (Vec::new(), Vec::new());
         for (line, record) in table.rows() {

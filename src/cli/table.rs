@@ -4,8 +4,8 @@ use super::output::STANDARD;
 use super::user_error;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
-use vernis::dataset::csv_table::MOST_BYTES;
-use vernis_metric::io::{read_at_most, read_stream_at_most};
+use vernis::dataset::csv_table::{CsvTable, MOST_BYTES};
+use vernis_metric::io::{read_at_most, read_stream_at_most, shown};
 
 /// Its bytes, and what it is called in messages.
 pub struct Table {
@@ -28,4 +28,18 @@ impl Table {
         let bytes = bytes.map_err(|e| user_error(format!("{}: {e}", name.display())))?;
         Ok(Self { name, folder, bytes })
     }
+}
+
+/// The place of the column `name` of `table`, which `of` is the name of and which must have the columns `needed`.
+pub fn column(table: &CsvTable, of: &Path, name: &str, needed: &[&str]) -> Result<usize> {
+    /// Columns that a message tells, and characters of each.
+    const SHOWN: [usize; 2] = [20, 50];
+    table.column(of, name).map_err(user_error)?.ok_or_else(|| {
+        let found: Vec<_> = table.written().iter().take(SHOWN[0]).map(|h| shown(h, SHOWN[1])).collect();
+        let found = match found.concat().is_empty() {
+            true => "there are no names of columns".to_owned(),
+            false => format!("the columns are {}", found.join(", ")),
+        };
+        user_error(format!("{}, line 1: no column `{name}`; {found}; needed are {}", of.display(), needed.join(", ")))
+    })
 }

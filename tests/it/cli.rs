@@ -335,7 +335,12 @@ fn csv_files_of_pairs_are_refused_by_line() {
         ("reference,candidate\nward.json,\n", &["pairs.csv, line 2: `candidate` is empty"]),
         ("reference,candidate\nward.json,no.binary\n", &["pairs.csv, line 2: no.binary: no such file"]),
         ("reference,candidate\n", &["pairs.csv: there is no pair after the header"]),
-        ("", &["pairs.csv, line 1: no column `reference`"]),
+        (
+            "",
+            &[
+                "pairs.csv, line 1: no column `reference`; there are no names of columns; needed are reference, candidate",
+            ],
+        ),
     ] {
         place.write("pairs.csv", text);
         assert_says(&place.mistake(&["score", "pairs.csv", "-m", "D1", "--out", "scores.csv"]), parts);

@@ -139,7 +139,7 @@ fn directions_that_are_none_are_named() {
         (format!("{head}\n0,0,1,0,1\n"), "at.csv, line 2: the number of fields is 5; it must be 6"),
         (format!("{head},R\n0,0,1,0,0,1,1\n"), "at.csv, line 1: the column `r` is there already"),
         ("wix,wiy,wiz\n0,0,1\n".to_owned(), "at.csv, line 1: no column `wox`; the columns are wix, wiy, wiz"),
-        (String::new(), "at.csv, line 1: no column `wix`"),
+        (String::new(), "at.csv, line 1: no column `wix`; there are no names of columns; needed are wix, wiy,"),
     ] {
         place.write("at.csv", text);
         let said = place.mistake(&["evaluate", "ggx.json", "--at", "at.csv"]);

@@ -1,6 +1,6 @@
 //! The rows of a table of pairs, their paths looked up.
 
-use super::super::table::Table;
+use super::super::table::{self, Table};
 use super::super::user_error;
 use anyhow::Result;
 use std::collections::BTreeMap;
@@ -43,15 +43,7 @@ impl Pairs {
         let expected =
             Expected { known: &NEEDED, is_number: &|_| false, others: Others::Kept, delimiter: None, usual: b',' };
         let table = CsvTable::read(path, bytes, &expected).map_err(user_error)?;
-        let place = |name: &str| {
-            table.column(path, name).map_err(user_error)?.ok_or_else(|| {
-                let found = table.written().iter().collect::<Vec<_>>().join(", ");
-                let path = path.display();
-                user_error(format!(
-                    "{path}, line 1: no column `{name}`; the columns are {found}; reference and candidate are needed"
-                ))
-            })
-        };
+        let place = |name: &str| table::column(&table, path, name, &NEEDED);
         let places = [place(NEEDED[0])?, place(NEEDED[1])?];
         let mut lookup = Lookup { folder, data, known: BTreeMap::new(), collections: BTreeMap::new() };
         let row = |(line, record): &(u64, csv::StringRecord)| {

@@ -11,6 +11,7 @@
 
 use super::DescriptorError;
 use crate::light::node_table::{NODES, NodeTable};
+use crate::math::Rgb;
 use crate::math::color::luminance;
 use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
 use serde::{Deserialize, Serialize};
@@ -38,8 +39,8 @@ pub enum LogSpace {
 
 /// The log-mapped table, three numbers a node, node by node.
 pub fn log_map(table: &NodeTable, space: LogSpace) -> Vec<f64> {
-    let node = |f: &[f32; 3]| {
-        let f = f.map(f64::from);
+    let node = |f: &Rgb| {
+        let f = *f;
         let [r, g, b] = f.map(|v| (v + FLOOR).ln());
         match space {
             LogSpace::Rgb => [r, g, b],
@@ -146,6 +147,7 @@ impl From<Embedding> for EmbeddingParts {
 mod tests {
     use super::*;
     use crate::descriptor::constant::Constant;
+    use crate::light::Sampling;
 
     fn parts() -> EmbeddingParts {
         // The mean of each channel over the nodes.
@@ -162,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_projection_on_channel_means_reads_the_constants() {
-        let table = |c| NodeTable::sample(&Constant(c)).unwrap();
+        let table = |c| NodeTable::sample(&Constant(c), Sampling::Averages).unwrap();
         let (a, b) = (table([0.1, 0.2, 0.4]), table([0.2, 0.2, 0.1]));
         let pca = Embedding::new(parts()).unwrap();
         let d = pca.differences(&a, &b);

@@ -3,21 +3,20 @@
 //! Everything that depends on one BRDF alone is a [`BrdfFeatures`], computed once and cached; comparing two of them takes
 //! less than a millisecond. Nothing in this room knows of scores.
 
-pub mod angular;
 mod cache;
 mod column;
-pub mod compact;
 #[cfg(test)]
 mod constant;
-pub mod context;
-mod display;
 pub mod embedding;
 mod extract;
 mod features;
-pub mod picture;
+mod frame;
+pub mod names;
+pub mod regions;
 mod set;
 mod setup;
 mod setup_id;
+mod v1;
 pub mod wasserstein;
 
 pub use cache::{Cache, CacheWarning};

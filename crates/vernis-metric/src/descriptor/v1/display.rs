@@ -12,12 +12,9 @@
 //! beyond its range, and people rated what screens showed. Source: the power law of IEC 61966-2-1 in its simple form; the
 //! stabilised correlation of Wang et al. 2004, doi:10.1109/TIP.2003.819861. Cost: a pass over the pixels.
 
-use super::picture::Frame;
+use crate::descriptor::frame::Frame;
 use crate::math::Rgb;
 use crate::math::color::{LUMINANCE_REC709, luminance};
-
-/// Names without their family and light.
-pub const NAMES: [&str; 6] = ["lin", "max", "rms", "mean", "corr", "std"];
 
 const FLOOR: f64 = 0.01;
 const GAMMA: f64 = 2.2;
@@ -52,7 +49,7 @@ impl Displayed {
         Self { shown, lightness, mean, variance, brightness }
     }
 
-    /// The descriptors of candidate `b` against reference `a`, in the order of [`NAMES`]; 0 for equal pictures.
+    /// The descriptors of candidate `b` against reference `a`, in the order of [`crate::descriptor::names::DISPLAY`]; 0 for equal pictures.
     pub(super) fn difference(frame: &Frame, a: &Self, b: &Self) -> [f64; 6] {
         let (mut squares, mut signed, mut covariance) = (0.0, 0.0, 0.0);
         for (i, w) in frame.weights().iter().enumerate() {

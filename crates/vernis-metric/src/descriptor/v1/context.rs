@@ -1,6 +1,6 @@
 //! What kind of material the reference is: the same difference is seen differently on a mirror and on chalk.
 //!
-//! * `cx.0n cx.2n cx.5n cx.7n`: mean ln(Y + 0.001) over the regions of [`super::angular`];
+//! * `cx.0n cx.2n cx.5n cx.7n`: mean ln(Y + 0.001) over the regions of [`crate::descriptor::regions`];
 //! * `cxalb cxalb60`: ln(luminance albedo + 0.001) seen from 0 and 60 deg;
 //! * `cxwid.2 .10 .100`: ln(theta_h + 0.3), theta_h in degrees, where the profile has fallen to 1/2, 1/10, 1/100 of its value
 //!   at theta_h = 0; ln 90 where it never does. The profile is the mean of Y over the nodes with theta_d < 30 deg;
@@ -10,17 +10,14 @@
 //!
 //! Y is the luminance of the BRDF, 1/sr. Only sampled nodes count. Cost: a pass over the table.
 
-use super::angular::{self, AngularProfile, RETRO_FLOOR, spacing};
+use super::angular::{AngularProfile, mean_log_luminance};
+use crate::descriptor::regions::{RETRO_FLOOR, region, spacing};
 use crate::light::node_table::{NodeTable, PHI_D, THETA_D, THETA_H, theta_d, theta_h};
 use crate::math::color::luminance;
 use std::f64::consts::PI;
 
-/// The ten numbers, in the order of [`NAMES`].
+/// The ten numbers, in the order of [`crate::descriptor::names::CONTEXT`].
 pub type Context = [f64; 10];
-
-/// Names without their family.
-pub const NAMES: [&str; 10] =
-    ["cx.0n", "cx.2n", "cx.5n", "cx.7n", "cxalb", "cxalb60", "cxwid.2", "cxwid.10", "cxwid.100", "cxexc"];
 
 const REGIONS: [&str; 4] = ["0n", "2n", "5n", "7n"];
 const FALLS: [f64; 3] = [2.0, 10.0, 100.0];
@@ -36,7 +33,7 @@ fn profile(table: &NodeTable, weight: impl Fn(usize) -> f64) -> Vec<(f64, f64)> 
         let (mut sum, mut total) = (0.0, 0.0);
         for j in (0..THETA_D).filter(|&j| theta_d(j) < PROFILE_LIMIT) {
             for node in (0..PHI_D).map(|k| (i * THETA_D + j) * PHI_D + k).filter(|&n| table.sampled()[n]) {
-                sum += weight(j) * luminance(table.values()[node].map(f64::from));
+                sum += weight(j) * luminance(table.values()[node]);
                 total += weight(j);
             }
         }
@@ -61,8 +58,7 @@ fn width(profile: &[(f64, f64)], fall: f64) -> f64 {
 pub fn context(table: &NodeTable, logs: &AngularProfile, albedo: [f64; 2]) -> Context {
     let mut out = [0.0; 10];
     for (value, name) in out.iter_mut().zip(REGIONS) {
-        let region = angular::region(name);
-        *value = region.and_then(|r| angular::mean_log_luminance(table, logs, r)).unwrap_or(FLOOR.ln());
+        *value = region(name).and_then(|r| mean_log_luminance(table, logs, r)).unwrap_or(FLOOR.ln());
     }
     let by_node = profile(table, |_| 1.0);
     let by_measure = profile(table, |j| {
@@ -97,6 +93,7 @@ fn excess(profile: &[(f64, f64)]) -> f64 {
 mod tests {
     use super::*;
     use crate::brdf::Brdf;
+    use crate::light::Sampling;
     use crate::math::{Rgb, Vec3};
 
     /// A diffuse floor of 0.1 and a lobe 10 exp(-theta_h / 5 deg).
@@ -111,7 +108,7 @@ mod tests {
 
     #[test]
     fn widths_and_energy_of_an_exponential_lobe() {
-        let table = NodeTable::sample(&Lobe).unwrap();
+        let table = NodeTable::sample(&Lobe, Sampling::Points).unwrap();
         let context = context(&table, &AngularProfile::new(&table), [0.5, 0.25]);
         // 10.1 / 2 and 10.1 / 10 are reached where the lobe is 4.95 and 0.91; 10.1 / 100 just above the floor.
         for (k, lobe) in [(6, 4.95f64), (7, 0.91), (8, 0.001)] {
@@ -133,7 +130,7 @@ mod tests {
                 Some([0.2; 3])
             }
         }
-        let table = NodeTable::sample(&Flat).unwrap();
+        let table = NodeTable::sample(&Flat, Sampling::Points).unwrap();
         let context = context(&table, &AngularProfile::new(&table), [0.6; 2]);
         assert!(context[6..9].iter().all(|w| *w == 90f64.ln()));
         assert!((context[9] - ENERGY_FLOOR.ln()).abs() < 1e-12);

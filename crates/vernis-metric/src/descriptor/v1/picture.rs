@@ -10,116 +10,18 @@
 //!
 //! Cost: about 20 microseconds a pair and light once each picture has been prepared.
 
-use crate::light::shape::{SIDE, Shape};
+use crate::descriptor::frame::Frame;
+use crate::light::shape::SIDE;
 use crate::math::Rgb;
 use crate::math::color::luminance;
 
 const GAIN: f64 = 20.0;
 const FLOOR: f64 = 0.01;
 const QUANTILES: usize = 64;
-const WINDOW_RADIUS: usize = 3;
 const STABILISER: f64 = 9.0;
-const SCALES: usize = 4;
 
 /// Quantile groups that have a name.
 pub const QUANTILE_GROUPS: [(usize, usize); 4] = [(0, 15), (16, 47), (48, 59), (60, 63)];
-
-/// The pixels of a picture at one level of the pyramid.
-#[derive(Debug, Clone)]
-struct Level {
-    side: usize,
-    /// Share of each pixel that lies on the disc, 0 to 1.
-    coverage: Vec<f64>,
-    /// Positions of the pixels with any share.
-    cells: Vec<usize>,
-    /// Covered area in the window of each entry of `cells`, pixels.
-    window: Vec<f64>,
-}
-
-/// The geometry of the windows, the same for every picture of a shape.
-#[derive(Debug, Clone)]
-pub struct Frame {
-    weights: Vec<f64>,
-    levels: Vec<Level>,
-}
-
-impl Level {
-    fn new(side: usize, coverage: Vec<f64>) -> Self {
-        let cells: Vec<usize> = (0..side * side).filter(|&c| coverage[c] > 0.0).collect();
-        let areas = window_sums(side, &coverage);
-        let window = cells.iter().map(|&c| areas[c]).collect();
-        Self { side, coverage, cells, window }
-    }
-
-    /// Mean over the window of each pixel of an image that has been multiplied by the coverage.
-    fn window_means(&self, covered: &[f64]) -> Vec<f64> {
-        let sums = window_sums(self.side, covered);
-        self.cells.iter().zip(&self.window).map(|(&c, area)| sums[c] / area).collect()
-    }
-
-    /// `image` times coverage.
-    fn cover(&self, image: impl Iterator<Item = f64>) -> Vec<f64> {
-        self.coverage.iter().zip(image).map(|(share, v)| share * v).collect()
-    }
-}
-
-/// Sums over 7 x 7 windows, clipped at the border.
-fn window_sums(side: usize, image: &[f64]) -> Vec<f64> {
-    let span = |at: usize| at.saturating_sub(WINDOW_RADIUS)..(at + WINDOW_RADIUS + 1).min(side);
-    let mut horizontal = vec![0.0; side * side];
-    for row in 0..side {
-        for column in 0..side {
-            horizontal[row * side + column] = image[row * side..][span(column)].iter().sum();
-        }
-    }
-    let mut sums = vec![0.0; side * side];
-    for row in 0..side {
-        for r in span(row) {
-            for column in 0..side {
-                sums[row * side + column] += horizontal[r * side + column];
-            }
-        }
-    }
-    sums
-}
-
-/// Means of 2 x 2 blocks.
-fn block_means(side: usize, image: &[f64]) -> Vec<f64> {
-    let half = side / 2;
-    (0..half * half)
-        .map(|c| {
-            let at = 2 * (c / half) * side + 2 * (c % half);
-            0.25 * (image[at] + image[at + 1] + image[at + side] + image[at + side + 1])
-        })
-        .collect()
-}
-
-impl Frame {
-    /// Prepares the windows for pictures of `shape`.
-    pub fn new(shape: &Shape) -> Self {
-        let mut coverage = vec![0.0; SIDE * SIDE];
-        shape.cells().iter().for_each(|&c| coverage[c] = 1.0);
-        let mut levels = vec![Level::new(SIDE, coverage)];
-        for scale in 1..SCALES {
-            let finer = &levels[scale - 1];
-            levels.push(Level::new(finer.side / 2, block_means(finer.side, &finer.coverage)));
-        }
-        Self { weights: shape.weights().to_vec(), levels }
-    }
-
-    /// Share of the shape that each pixel shows.
-    pub(super) fn weights(&self) -> &[f64] {
-        &self.weights
-    }
-
-    /// Means over the covered part of each 2 x 2 block of a picture on level `scale - 1`.
-    fn reduce(&self, scale: usize, image: &[f64]) -> Vec<f64> {
-        let finer = &self.levels[scale - 1];
-        let covered = block_means(finer.side, &finer.cover(image.iter().copied()));
-        let share = |(v, c): (f64, &f64)| if *c > 0.0 { v / c } else { 0.0 };
-        covered.into_iter().zip(&self.levels[scale].coverage).map(share).collect()
-    }
-}
 
 /// Mean and variance of L over every window of a level.
 #[derive(Debug, Clone, Default)]
@@ -158,7 +60,7 @@ impl Picture {
         let chroma = radiance.iter().map(|c| [ratio(c[0], c[1]), ratio(c[2], c[1])]).collect();
         let mut image = vec![0.0; SIDE * SIDE];
         frame.levels[0].cells.iter().zip(&lightness).for_each(|(&c, l)| image[c] = *l);
-        let w = &frame.weights;
+        let w = frame.weights();
         let mean = weighted_mean(w, lightness.iter().copied());
         let variance = weighted_mean(w, lightness.iter().map(|l| (l - mean) * (l - mean)));
         let quantiles = quantiles(w, &lightness);
@@ -240,7 +142,7 @@ pub struct PictureDifference {
 impl PictureDifference {
     /// Candidate `b` against reference `a`.
     pub fn new(frame: &Frame, a: &Picture, b: &Picture) -> Self {
-        let w = &frame.weights;
+        let w = frame.weights();
         let lightness = || a.lightness.iter().zip(&b.lightness).map(|(a, b)| b - a);
         let chroma = || a.chroma.iter().zip(&b.chroma).map(|(a, b)| [b[0] - a[0], b[1] - a[1]]);
         let total = || lightness().zip(chroma()).map(|(l, c)| (l * l + c[0] * c[0] + c[1] * c[1]).sqrt());
@@ -292,6 +194,7 @@ impl PictureDifference {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::shape::Shape;
 
     fn frame() -> (Shape, Frame) {
         let shape = Shape::sphere();

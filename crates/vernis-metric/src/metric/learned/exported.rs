@@ -1,7 +1,7 @@
 //! The exported metric: one self-describing JSON file (`*.vernis.json`) that evaluates without any training library.
 //!
 //! ```text
-//! format         1; a reader refuses newer ones
+//! format         2; a reader refuses newer ones, and reads older ones
 //! name           such as "vernis"
 //! metric_version of the numbers; quote it with any score
 //! scale          {worst, best, open}: the scale of the ratings and of every score here; absent for 1 (worst) to 5 (best)
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Of files written by this version; older ones keep loading.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// Characters of the name of a metric.
 const LONGEST_NAME: usize = 200;
@@ -330,12 +330,46 @@ impl ExportedMetric {
         Ok(self.below_identical(self.prediction(raw)?))
     }
 
+    /// [`ExportedMetric::signed_distance`] and its derivative by every descriptor, in the order of `regressor.inputs`. At kinks one
+    /// subgradient is taken: see [`Regressor::gradient`].
+    ///
+    /// # Errors
+    /// Another number of descriptors; one that is not finite; a value or derivative that is not.
+    pub fn signed_distance_and_gradient(&self, raw: &[f64]) -> Result<(f64, Vec<f64>), ExportedError> {
+        self.check_raw(raw)?;
+        self.distance_of(self.regressor.gradient(raw))
+    }
+
+    /// What a fit by gradients minimises: the signed distance with saturated distances in their smooth form
+    /// ([`Regressor::smooth_gradient`]), and its derivative by every descriptor. Exactly 0 for identical BRDFs; the same as
+    /// [`ExportedMetric::signed_distance_and_gradient`] for a metric without such a distance.
+    ///
+    /// # Errors
+    /// Those of [`ExportedMetric::signed_distance_and_gradient`].
+    pub fn loss_and_gradient(&self, raw: &[f64]) -> Result<(f64, Vec<f64>), ExportedError> {
+        self.check_raw(raw)?;
+        self.distance_of(self.regressor.smooth_gradient(raw))
+    }
+
+    fn distance_of(&self, (prediction, mut gradient): (f64, Vec<f64>)) -> Result<(f64, Vec<f64>), ExportedError> {
+        let prediction = self.finite("the predicted score", prediction)?;
+        gradient.iter_mut().for_each(|g| *g *= -self.scale.direction());
+        gradient.iter().try_for_each(|&g| self.finite("a derivative of the distance", g).map(|_| ()))?;
+        Ok((self.below_identical(prediction), gradient))
+    }
+
     /// How much worse a prediction is than that of identical BRDFs.
     fn below_identical(&self, prediction: f64) -> f64 {
         self.scale.direction() * (self.regressor.identity_mos - prediction)
     }
 
     fn prediction(&self, raw: &[f64]) -> Result<f64, ExportedError> {
+        self.check_raw(raw)?;
+        // Where a number is none, `max` and `clamp` would make a score of it.
+        self.finite("the predicted score", self.regressor.predict(raw))
+    }
+
+    fn check_raw(&self, raw: &[f64]) -> Result<(), ExportedError> {
         let inputs = &self.regressor.inputs;
         if raw.len() != inputs.len() {
             let (found, expected) = (raw.len(), inputs.len());
@@ -344,8 +378,7 @@ impl ExportedMetric {
         if let Some((input, &value)) = inputs.iter().zip(raw).find(|(_, v)| !v.is_finite()) {
             return Err(ExportedError::NotFinite { name: self.name.clone(), column: input.name.clone(), value });
         }
-        // Where a number is none, `max` and `clamp` would make a score of it.
-        self.finite("the predicted score", self.regressor.predict(raw))
+        Ok(())
     }
 
     fn finite(&self, what: &'static str, value: f64) -> Result<f64, ExportedError> {
@@ -405,7 +438,7 @@ impl ExportedMetric {
         let invalid = |part: String| move |source| ExportedError::Regressor { file: file.to_owned(), part, source };
         self.regressor.check().map_err(invalid("regressor".into()))?;
         for (i, terms) in self.members.iter().enumerate() {
-            Regressor::check_terms(terms, self.regressor.inputs.len()).map_err(invalid(format!("member {i}")))?;
+            Regressor::check_terms(terms, &self.regressor.inputs).map_err(invalid(format!("member {i}")))?;
         }
         Ok(())
     }

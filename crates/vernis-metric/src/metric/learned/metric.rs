@@ -127,6 +127,7 @@ impl Metric for LearnedMetric {
             unit: "MOS",
             symmetric: false,
             usable_as_loss: true,
+            differentiable: false,
             summary: format!(
                 "learned from {made_of} of {} pairs ({}), version {}{on}",
                 self.exported.provenance.rows, self.exported.provenance.study, self.exported.metric_version

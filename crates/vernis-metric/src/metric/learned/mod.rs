@@ -4,13 +4,15 @@
 pub const FAMILY: &str = "learned";
 
 pub mod exported;
+mod gradient;
 mod metric;
 mod regressor;
+mod standardizer;
 
 pub use crate::math::layers::{Activation, Dense, forward};
 pub use crate::metric::Score;
 pub use exported::{ExportedError, ExportedMetric};
+pub use gradient::SMOOTHING;
 pub use metric::LearnedMetric;
-pub use regressor::{
-    Feature, Function, Input, Kernel, Radial, Regressor, RegressorError, Standardizer, Term, sign_power,
-};
+pub use regressor::{Function, Input, Kernel, Radial, Regressor, RegressorError, Term};
+pub use standardizer::{Clip, Feature, Standardizer, sign_power, soft_power};

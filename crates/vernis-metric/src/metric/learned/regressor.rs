@@ -11,6 +11,7 @@
 //! evaluations of each g, 1e4 to 1e5
 //! multiplications.
 
+use super::standardizer::Standardizer;
 use crate::descriptor::{Column, Role};
 use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
 use ndarray::ArrayView2;
@@ -44,6 +45,10 @@ pub enum RegressorError {
     Range { what: String, found: f64, low: f64, high: f64 },
     #[error("the regressor has no {what}")]
     Empty { what: &'static str },
+    #[error(
+        "feature {feature} of a saturated distance is {input}, which describes the reference alone; it must compare the two BRDFs"
+    )]
+    Context { feature: usize, input: String },
 }
 
 impl From<LayerMismatch> for RegressorError {
@@ -65,81 +70,6 @@ pub struct Input {
 impl From<&Column> for Input {
     fn from(column: &Column) -> Self {
         Self { name: column.name.clone(), role: column.role }
-    }
-}
-
-/// How one input enters a term.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Feature {
-    /// Position among the regressor's inputs.
-    pub input: usize,
-    /// Mean of sign(x) |x|^power over the training rows.
-    pub mean: f64,
-    /// Standard deviation of sign(x) |x|^power over the training rows.
-    pub scale: f64,
-    /// How much the feature counts beside the others.
-    pub gain: f64,
-}
-
-/// z = gain clip((sign(x) |x|^power - mean) / scale, -limit, limit), one feature at a time.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Standardizer {
-    /// Largest magnitude of a feature before its gain, in standard deviations.
-    pub limit: f64,
-    /// Exponent of |x|.
-    pub power: f64,
-    /// The features of the term, in order.
-    pub features: Vec<Feature>,
-}
-
-/// sign(x) |x|^power: tames the tails of descriptors that span orders of magnitude.
-pub fn sign_power(x: f64, power: f64) -> f64 {
-    x.signum() * x.abs().powf(power)
-}
-
-impl Standardizer {
-    /// Raw inputs to the term's own units.
-    pub fn apply(&self, raw: &[f64]) -> Vec<f64> {
-        self.features.iter().map(|f| self.one(f, raw[f.input])).collect()
-    }
-
-    /// The same with every difference at zero: what identical BRDFs give for this reference.
-    pub fn apply_at_identity(&self, raw: &[f64], inputs: &[Input]) -> Vec<f64> {
-        self.features
-            .iter()
-            .map(|f| self.one(f, if inputs[f.input].role == Role::Difference { 0.0 } else { raw[f.input] }))
-            .collect()
-    }
-
-    /// A point already in the term's units, moved to where every difference is zero.
-    fn to_identity(&self, z: &[f64], inputs: &[Input]) -> Vec<f64> {
-        let at = |(f, &z): (&Feature, &f64)| {
-            if inputs[f.input].role == Role::Difference { self.one(f, 0.0) } else { z }
-        };
-        self.features.iter().zip(z).map(at).collect()
-    }
-
-    fn one(&self, f: &Feature, x: f64) -> f64 {
-        f.gain * ((sign_power(x, self.power) - f.mean) / f.scale).clamp(-self.limit, self.limit)
-    }
-
-    fn check(&self, inputs: usize) -> Result<(), RegressorError> {
-        positive("the clipping limit", self.limit, LARGEST)?;
-        positive("the power", self.power, LARGEST_POWER)?;
-        if self.features.is_empty() {
-            return Err(RegressorError::Empty { what: "feature" });
-        }
-        for (i, f) in self.features.iter().enumerate() {
-            within(&format!("mean of feature {i}"), f.mean, (-LARGEST_SCALE, LARGEST_SCALE))?;
-            within(&format!("scale of feature {i}"), f.scale, (SMALLEST_SCALE, LARGEST_SCALE))?;
-            positive(&format!("gain of feature {i}"), f.gain, LARGEST)?;
-            if f.input >= inputs {
-                return Err(RegressorError::Input { feature: i, found: f.input, last: inputs.saturating_sub(1) });
-            }
-        }
-        Ok(())
     }
 }
 
@@ -188,6 +118,18 @@ impl Kernel {
             Radial::Gaussian => (-0.5 * r * r).exp(),
         }
     }
+
+    /// The factor of a - b in the gradient of [`Kernel::radial`] by a. The exponential has a kink at a = b: 0 is taken there.
+    pub(super) fn radial_slope(&self, distance: f64, d: f64) -> f64 {
+        let unit = self.length * d.sqrt();
+        let r = distance / unit;
+        match self.radial {
+            Radial::Exponential if distance == 0.0 => 0.0,
+            Radial::Exponential => -(-r).exp() / (unit * distance),
+            Radial::Matern32 => -3.0 * (-3f64.sqrt() * r).exp() / (unit * unit),
+            Radial::Gaussian => -(-0.5 * r * r).exp() / (unit * unit),
+        }
+    }
 }
 
 /// The function g of a term, of standardised features.
@@ -216,6 +158,17 @@ pub enum Function {
         activation: Activation,
         /// The layers of each perceptron.
         members: Vec<Vec<Dense>>,
+    },
+    /// g(z) = -A (1 - exp(-s/A)) with s = sum_k v_k |z_k|: minus a weighted city-block distance that saturates at A.
+    ///
+    /// Features compare the two BRDFs, have mean 0 and power 1, and no v_k is negative. With z_k the change of a number that
+    /// belongs to one BRDF, s is a city-block distance (Shepard 1964, doi:10.1007/BF02289621, with p = 1), and a concave
+    /// increasing function of a distance that is 0 at 0 keeps symmetry and the triangle inequality.
+    Saturated {
+        /// v_k, one weight a feature.
+        weights: Vec<f64>,
+        /// A, the largest distance, on the scale of the ratings before the weight of the term.
+        limit: f64,
     },
 }
 
@@ -261,18 +214,21 @@ impl Regressor {
     /// Shapes agree and every number is within its bounds: after this, `predict` gives a finite number for finite descriptors.
     pub fn check(&self) -> Result<(), RegressorError> {
         learned("identity_mos", [self.identity_mos])?;
-        Self::check_terms(&self.terms, self.inputs.len())
+        Self::check_terms(&self.terms, &self.inputs)
     }
 
-    /// The same for the terms alone, which take `inputs` numbers.
-    pub(super) fn check_terms(terms: &[Term], inputs: usize) -> Result<(), RegressorError> {
+    /// The same for the terms alone, which take `inputs`.
+    pub(super) fn check_terms(terms: &[Term], inputs: &[Input]) -> Result<(), RegressorError> {
         if terms.is_empty() {
             return Err(RegressorError::Empty { what: "term" });
         }
         for (i, term) in terms.iter().enumerate() {
             learned(&format!("weight of term {i}"), [term.weight])?;
-            term.standardizer.check(inputs)?;
+            term.standardizer.check(inputs.len())?;
             term.function.check(term.standardizer.features.len())?;
+            if matches!(term.function, Function::Saturated { .. }) {
+                check_distance(&term.standardizer, inputs)?;
+            }
         }
         Ok(())
     }
@@ -290,9 +246,11 @@ impl Regressor {
             for f in &mut term.standardizer.features {
                 round(&mut f.mean);
                 round(&mut f.scale);
+                round(&mut f.softening);
             }
             match &mut term.function {
                 Function::Linear { weights } => weights.iter_mut().for_each(round),
+                Function::Saturated { weights, limit } => weights.iter_mut().chain([limit]).for_each(round),
                 Function::Kernel { weights, landmarks, .. } => {
                     weights.iter_mut().chain(landmarks).for_each(round);
                 }
@@ -317,15 +275,21 @@ impl Term {
         let z0 = self.standardizer.apply_at_identity(raw, inputs);
         match &self.function {
             Function::Linear { weights } => dot(weights, &z) - dot(weights, &z0),
-            Function::Kernel { kernel, weights, landmarks } => weights
-                .iter()
-                .zip(landmarks.chunks_exact(z.len()))
-                .map(|(w, b)| {
-                    let b0 = self.standardizer.to_identity(b, inputs);
-                    let centred = |a: &[f64]| kernel.value(a, b) - kernel.value(a, &b0);
-                    w * (centred(&z) - centred(&z0))
-                })
-                .sum(),
+            Function::Kernel { kernel, weights, landmarks } => {
+                let origin = self.standardizer.origin(inputs);
+                let landmarks = weights.iter().zip(landmarks.chunks_exact(z.len()));
+                landmarks
+                    .map(|(w, b)| {
+                        let b0 = at_identity(b, &origin);
+                        let centred = |a: &[f64]| kernel.value(a, b) - kernel.value(a, &b0);
+                        w * (centred(&z) - centred(&z0))
+                    })
+                    .sum()
+            }
+            Function::Saturated { weights, limit } => {
+                let g = |z: &[f64]| saturated(weights.iter().zip(z).map(|(v, z)| v * z.abs()).sum(), *limit);
+                g(&z) - g(&z0)
+            }
             Function::Network { activation, members } => {
                 let mean = |z: &[f64]| {
                     members.iter().map(|layers| forward(layers, *activation, z)[0]).sum::<f64>() / members.len() as f64
@@ -336,10 +300,35 @@ impl Term {
     }
 }
 
+/// A landmark with every difference at zero; `origin` is that of the standardizer.
+pub(super) fn at_identity(landmark: &[f64], origin: &[Option<f64>]) -> Vec<f64> {
+    landmark.iter().zip(origin).map(|(&z, origin)| origin.unwrap_or(z)).collect()
+}
+
+/// -A (1 - exp(-s/A)).
+pub(super) fn saturated(s: f64, limit: f64) -> f64 {
+    limit * (-s / limit).exp_m1()
+}
+
+/// That the features of a saturated distance compare the two BRDFs and are 0 where these are the same.
+fn check_distance(standardizer: &Standardizer, inputs: &[Input]) -> Result<(), RegressorError> {
+    within("the power of a saturated distance", standardizer.power, (1.0, 1.0))?;
+    for (i, f) in standardizer.features.iter().enumerate() {
+        within(&format!("mean of feature {i} of a saturated distance"), f.mean, (0.0, 0.0))?;
+        let input = &inputs[f.input];
+        if input.role != Role::Difference {
+            return Err(RegressorError::Context { feature: i, input: input.name.clone() });
+        }
+    }
+    Ok(())
+}
+
 impl Function {
     fn weight_count(&self) -> usize {
         match self {
-            Function::Linear { weights } | Function::Kernel { weights, .. } => weights.len(),
+            Function::Linear { weights } | Function::Kernel { weights, .. } | Function::Saturated { weights, .. } => {
+                weights.len()
+            }
             Function::Network { members, .. } => members.iter().flatten().map(|l| l.weights.len() + l.bias.len()).sum(),
         }
     }
@@ -356,6 +345,11 @@ impl Function {
                 shape("values in the landmarks", landmarks.len(), weights.len() * features)?;
                 learned("a kernel weight", weights.iter().copied())?;
                 learned("a landmark", landmarks.iter().copied())
+            }
+            Function::Saturated { weights, limit } => {
+                shape("weights of the saturated distance", weights.len(), features)?;
+                positive("the limit of the saturated distance", *limit, LARGEST)?;
+                weights.iter().try_for_each(|&v| within("a weight of the saturated distance", v, (0.0, LARGEST)))
             }
             Function::Network { activation, members } => {
                 let Activation::LeakyRelu { slope } = activation;
@@ -379,7 +373,7 @@ fn check_network(layers: &[Dense], features: usize) -> Result<(), RegressorError
     layers.iter().enumerate().try_for_each(|(i, layer)| learned(&format!("a number of layer {i}"), layer.numbers()))
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -396,11 +390,11 @@ fn learned(what: &str, values: impl IntoIterator<Item = f64>) -> Result<(), Regr
 }
 
 /// A number from 1 / [`LARGEST`] to `high`.
-fn positive(what: &str, value: f64, high: f64) -> Result<(), RegressorError> {
+pub(super) fn positive(what: &str, value: f64, high: f64) -> Result<(), RegressorError> {
     within(what, value, (1.0 / LARGEST, high))
 }
 
-fn within(what: &str, found: f64, (low, high): (f64, f64)) -> Result<(), RegressorError> {
+pub(super) fn within(what: &str, found: f64, (low, high): (f64, f64)) -> Result<(), RegressorError> {
     if !found.is_finite() {
         return Err(RegressorError::NotFinite { what: what.to_owned() });
     }

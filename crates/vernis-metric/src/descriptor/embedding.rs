@@ -12,7 +12,7 @@
 use super::DescriptorError;
 use crate::light::node_table::{NODES, NodeTable};
 use crate::math::Rgb;
-use crate::math::color::luminance;
+use crate::math::color::{LUMINANCE_REC709, luminance};
 use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
 use serde::{Deserialize, Serialize};
 
@@ -115,11 +115,51 @@ impl Embedding {
 
     /// Coordinates of a BRDF.
     pub fn coordinates(&self, table: &NodeTable) -> Vec<f64> {
+        forward(&self.0.layers, Activation::LeakyRelu { slope: self.0.slope }, &self.project(table))
+    }
+
+    /// C (x - mean).
+    fn project(&self, table: &NodeTable) -> Vec<f64> {
         let x = log_map(table, self.0.space);
         let centred: Vec<f64> = x.iter().zip(&self.0.mean).map(|(x, m)| x - f64::from(*m)).collect();
         let project = |c: &Vec<f32>| -> f64 { c.iter().zip(&centred).map(|(c, x)| f64::from(*c) * x).sum() };
-        let z: Vec<f64> = self.0.components.iter().map(project).collect();
-        forward(&self.0.layers, Activation::LeakyRelu { slope: self.0.slope }, &z)
+        self.0.components.iter().map(project).collect()
+    }
+
+    /// The derivative of a number by the values of a table, one triple a node, from its derivative by the coordinates. At the
+    /// corner of the leaky ReLU the slope is the one above it.
+    pub(super) fn transpose(&self, table: &NodeTable, by_coordinate: &[f64]) -> Vec<Rgb> {
+        // What went into each layer, before the activation.
+        let activation = Activation::LeakyRelu { slope: self.0.slope };
+        let mut inputs = vec![self.project(table)];
+        for (i, layer) in self.0.layers.iter().enumerate() {
+            let x: Vec<f64> = inputs[i].iter().map(|x| if i > 0 { activation.apply(*x) } else { *x }).collect();
+            inputs.push(layer.apply(&x));
+        }
+        let mut by = by_coordinate.to_vec();
+        for (i, layer) in self.0.layers.iter().enumerate().rev() {
+            let mut by_input = vec![0.0; layer.inputs];
+            for (row, by) in layer.weights.chunks_exact(layer.inputs).zip(&by) {
+                by_input.iter_mut().zip(row).for_each(|(to, w)| *to += w * by);
+            }
+            if i > 0 {
+                let slope = |x: f64| if self.0.slope * x > x { self.0.slope } else { 1.0 };
+                by_input.iter_mut().zip(&inputs[i]).for_each(|(to, x)| *to *= slope(*x));
+            }
+            by = by_input;
+        }
+        let mut by_log = vec![0.0; INPUTS];
+        for (component, by) in self.0.components.iter().zip(by) {
+            by_log.iter_mut().zip(component).for_each(|(to, c)| *to += f64::from(*c) * by);
+        }
+        let of_node = |(f, by): (&Rgb, &[f64; 3])| {
+            let (by_y, of_channel) = match self.0.space {
+                LogSpace::Rgb => (0.0, *by),
+                LogSpace::Opponent => (by[0] / (luminance(*f) + FLOOR), [by[1], -by[1] - by[2], by[2]]),
+            };
+            std::array::from_fn(|c| by_y * LUMINANCE_REC709[c] + of_channel[c] / (f[c] + FLOOR))
+        };
+        table.values().iter().zip(by_log.as_chunks::<3>().0).map(of_node).collect()
     }
 
     /// Coordinates of the candidate minus those of the reference.

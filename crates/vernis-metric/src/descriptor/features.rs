@@ -1,11 +1,12 @@
 //! Everything that depends on one BRDF alone.
 
 use super::wasserstein::ValueQuantiles;
-use super::{DescriptorError, Setup, v1};
+use super::{DescriptorError, Setup, comparison, v1};
 use crate::brdf::Brdf;
-use crate::light::node_table::NodeTable;
+use crate::light::{NodeTable, Sites};
 use crate::math::Rgb;
 use crate::math::color::luminance;
+use std::borrow::Cow;
 
 /// What is worth keeping in a cache: the samples of a BRDF and the pictures and albedos they give.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +22,7 @@ pub(super) struct Stored {
 #[derive(Debug, Clone)]
 pub(super) enum Derived {
     V1(v1::Derived),
+    V2(comparison::Derived),
 }
 
 /// A BRDF ready to be compared.
@@ -37,6 +39,25 @@ impl BrdfFeatures {
         Ok(Self::of_table(NodeTable::sample(brdf, setup.sampling())?, setup))
     }
 
+    /// The features of a BRDF that is given by its values (linear RGB, 1/sr) at the directions of [`Sites::of`] the setup's sampling.
+    /// Negative values count as 0.
+    ///
+    /// # Errors
+    /// [`DescriptorError::Length`] for another number of values; a value that is not finite.
+    pub fn of_values(values: &[Rgb], setup: &Setup) -> Result<Self, DescriptorError> {
+        let sites = Sites::of(setup.sampling());
+        if values.len() != sites.len() {
+            let what = "values of the BRDF";
+            return Err(DescriptorError::Length { what, found: values.len(), expected: sites.len() });
+        }
+        let values: Cow<'_, [Rgb]> = match setup.version() {
+            // What descriptors of version 1 are made from.
+            1 => values.iter().map(|value| value.map(|v| f64::from(v as f32))).collect(),
+            _ => values.into(),
+        };
+        Ok(Self::of_table(NodeTable::of_values(sites, &values)?, setup))
+    }
+
     /// Takes the pictures of a table, which was sampled as `setup` samples.
     pub fn of_table(table: NodeTable, setup: &Setup) -> Self {
         let operators = setup.operators();
@@ -51,7 +72,10 @@ impl BrdfFeatures {
 
     /// Derives from the stored part what comparisons use.
     pub(super) fn from_stored(stored: Stored, setup: &Setup) -> Self {
-        let derived = Derived::V1(v1::Derived::new(&stored, setup.frame()));
+        let derived = match setup.version() {
+            1 => Derived::V1(v1::Derived::new(&stored, setup.frame())),
+            _ => Derived::V2(comparison::Derived::new(&stored, setup.frame())),
+        };
         let quantiles = ValueQuantiles::new(&stored.table);
         Self { stored, derived, quantiles }
     }
@@ -65,6 +89,7 @@ impl BrdfFeatures {
     pub fn context(&self) -> [f64; 10] {
         match &self.derived {
             Derived::V1(derived) => derived.context(),
+            Derived::V2(derived) => derived.context(),
         }
     }
 

@@ -41,6 +41,15 @@ impl Level {
         self.cells.iter().zip(&self.window).map(|(&c, area)| sums[c] / area).collect()
     }
 
+    /// Adds to the slopes by an image those that come through its window means, `by_mean` (one entry a cell): the transpose of
+    /// covering and [`Level::window_means`].
+    pub fn add_transposed(&self, by_mean: impl Iterator<Item = f64>, by_image: &mut [f64]) {
+        let mut scattered = vec![0.0; self.side * self.side];
+        self.cells.iter().zip(&self.window).zip(by_mean).for_each(|((&c, area), slope)| scattered[c] = slope / area);
+        let sums = window_sums(self.side, &scattered);
+        by_image.iter_mut().zip(&self.coverage).zip(sums).for_each(|((to, share), sum)| *to += share * sum);
+    }
+
     /// `image` times coverage.
     pub fn cover(&self, image: impl Iterator<Item = f64>) -> Vec<f64> {
         self.coverage.iter().zip(image).map(|(share, v)| share * v).collect()
@@ -102,5 +111,16 @@ impl Frame {
         let covered = block_means(finer.side, &finer.cover(image.iter().copied()));
         let share = |(v, c): (f64, &f64)| if *c > 0.0 { v / c } else { 0.0 };
         covered.into_iter().zip(&self.levels[scale].coverage).map(share).collect()
+    }
+
+    /// Slopes by a picture on level `scale - 1` from those by its reduction: the transpose of [`Frame::reduce`].
+    pub(super) fn reduce_transposed(&self, scale: usize, by_reduced: &[f64]) -> Vec<f64> {
+        let (finer, coarser) = (&self.levels[scale - 1], &self.levels[scale]);
+        let of_cell = |c: usize| {
+            let block = c / finer.side / 2 * coarser.side + c % finer.side / 2;
+            let share = coarser.coverage[block];
+            if share > 0.0 { 0.25 * finer.coverage[c] / share * by_reduced[block] } else { 0.0 }
+        };
+        (0..finer.side * finer.side).map(of_cell).collect()
     }
 }

@@ -36,3 +36,25 @@ pub const DISPLAY: [&str; 6] = ["lin", "max", "rms", "mean", "corr", "std"];
 /// Names of the numbers that describe one BRDF, and of their changes.
 pub const CONTEXT: [&str; 10] =
     ["cx.0n", "cx.2n", "cx.5n", "cx.7n", "cxalb", "cxalb60", "cxwid.2", "cxwid.10", "cxwid.100", "cxexc"];
+
+/// The descriptors that are norms of a difference, with their family: those whose plain forms a true metric adds up.
+pub const NORMS: [&str; 18] = [
+    "lights.dE",
+    "lights.dE4",
+    "lights.adL",
+    "lights.dC",
+    "lights.mC",
+    "lights.rms0",
+    "lights.localmean3",
+    "slot.dE4",
+    "slot.dC",
+    "slot.rms0",
+    "slot-detail.dE",
+    "slot-detail.w1",
+    "display.lamps.rms",
+    "display.slot.rms",
+    "angular.aY.2n",
+    "angular.aY.5m",
+    "angular.aY.7n",
+    "angular.aY.3h",
+];

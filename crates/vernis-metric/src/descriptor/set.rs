@@ -2,9 +2,9 @@
 
 use super::embedding::Embedding;
 use super::features::{BrdfFeatures, Derived};
-use super::names::{ABSOLUTE_REGIONS, CONTEXT, DISPLAY, LIGHTS, SIGNED_REGIONS, SLOT, SLOT_DETAIL};
+use super::names::{ABSOLUTE_REGIONS, CONTEXT, DISPLAY, LIGHTS, NORMS, SIGNED_REGIONS, SLOT, SLOT_DETAIL};
 use super::regions::{REGIONS, region, region_limits, region_name};
-use super::{DescriptorError, Setup, v1, wasserstein};
+use super::{DescriptorError, Setup, comparison, v1, wasserstein};
 use crate::descriptor::{Column, Role};
 use serde::{Deserialize, Serialize};
 
@@ -52,11 +52,13 @@ pub enum Family {
     AngularFull,
     /// Distances of value distributions, 4.
     Wasserstein,
+    /// Those of the other families that are norms of a difference, not rounded off at 0, 18. Each is a pseudo-metric.
+    Norms,
 }
 
 impl Family {
     /// All families, those of compact 48 first.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Lights,
         Self::Slot,
         Self::Angular,
@@ -66,6 +68,7 @@ impl Family {
         Self::Change,
         Self::AngularFull,
         Self::Wasserstein,
+        Self::Norms,
     ];
 
     /// Those of the extended set, in order.
@@ -84,6 +87,7 @@ impl Family {
             Self::Change => "change",
             Self::AngularFull => "angular-full",
             Self::Wasserstein => "wasserstein",
+            Self::Norms => "norms",
         }
     }
 
@@ -155,6 +159,15 @@ impl Family {
                     describe((*n).to_owned(), "(1/sr)^(1/4)", meaning, "Villani 2003, remark 2.19 iii")
                 })
                 .collect(),
+            Self::Norms => {
+                let others =
+                    [Self::Lights, Self::Slot, Self::SlotDetail, Self::Display, Self::Angular].map(Self::descriptions);
+                let found = |name: &&str| others.iter().flatten().find(|d| d.column.name == *name);
+                let plain = |d: &Description| {
+                    describe(d.column.name.clone(), d.unit, format!("{}, not rounded off at 0", d.meaning), d.source)
+                };
+                NORMS.iter().filter_map(found).map(plain).collect()
+            }
         }
     }
 }
@@ -278,10 +291,20 @@ impl DescriptorSet {
 
     /// The descriptors of `candidate` against `reference`, in the order of [`DescriptorSet::columns`]. All finite; those
     /// that compare are exactly 0 where both are the same.
+    ///
+    /// # Panics
+    /// If one of the two was not computed under the version of `setup`.
     pub fn compare(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures, setup: &Setup) -> Vec<f64> {
         let frame = setup.frame();
-        let (Derived::V1(a), Derived::V1(b)) = (&reference.derived, &candidate.derived);
-        let found = v1::compare(&self.families, (reference.table(), a), (candidate.table(), b), frame);
+        let found = match (&reference.derived, &candidate.derived) {
+            (Derived::V1(a), Derived::V1(b)) => {
+                v1::compare(&self.families, (reference.table(), a), (candidate.table(), b), frame)
+            }
+            (Derived::V2(a), Derived::V2(b)) => {
+                comparison::compare(&self.families, (&reference.stored, a), (&candidate.stored, b), frame)
+            }
+            _ => panic!("reference and candidate are features of different versions"),
+        };
         let mut out = Vec::new();
         for (family, values) in self.families.iter().zip(found) {
             match family {
@@ -308,7 +331,7 @@ mod tests {
         let all = DescriptorSet::all().columns();
         assert_eq!(all.iter().map(|c| &c.name).collect::<BTreeSet<_>>().len(), all.len());
         assert_eq!(DescriptorSet::extended().columns().len(), 78);
-        assert_eq!(all.len(), 78 + 4 * BINS_AND_BANDS + 4);
+        assert_eq!(all.len(), 78 + 4 * BINS_AND_BANDS + 4 + 18);
         let context = all.iter().filter(|c| c.role == Role::Context).count();
         assert_eq!(context, 10);
     }

@@ -267,8 +267,6 @@ fn scatter(n: Vec3, share: f64, cells: &[Cell], sampling: Sampling, dense: &mut 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brdf::models::Ggx;
-    use crate::light::NodeTable;
     use std::f64::consts::PI;
 
     fn normals() -> Vec<Vec<Vec3>> {

@@ -10,6 +10,7 @@ mod picture;
 
 use super::features::Stored;
 use super::frame::Frame;
+use super::names::NORMS;
 use super::set::Family;
 use crate::light::NodeTable;
 use crate::math::Rgb;
@@ -67,6 +68,17 @@ pub(super) fn compare(
             ratios.iter().flatten().flat_map(all).collect()
         }
         Family::Wasserstein => Vec::new(),
+        // No descriptor of this version is rounded off.
+        Family::Norms => norms((reference, a), (candidate, b), frame),
     };
     families.iter().map(of_family).collect()
+}
+
+/// The values that [`NORMS`] names, from the families that have them.
+fn norms(reference: (&NodeTable, &Derived), candidate: (&NodeTable, &Derived), frame: &Frame) -> Vec<f64> {
+    let families = [Family::Lights, Family::Slot, Family::SlotDetail, Family::Display, Family::Angular];
+    let values = compare(&families, reference, candidate, frame);
+    let names = families.iter().flat_map(|f| f.descriptions()).map(|d| d.column.name);
+    let found: Vec<(String, f64)> = names.zip(values.into_iter().flatten()).collect();
+    NORMS.iter().filter_map(|name| found.iter().find(|f| f.0 == *name)).map(|f| f.1).collect()
 }

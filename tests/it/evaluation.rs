@@ -193,7 +193,7 @@ fn raw_agreement_of_a_choice_is_that_of_the_chosen_distances() {
         let expected = raw(record.chosen.as_deref().unwrap(), fold.held_out.indices());
         assert!((record.plcc_raw.unwrap() - expected).abs() < 1e-12, "{record:?} {expected}");
     }
-    let jury = Jury::new(samples.rows(), |_| false, 60, 3).unwrap();
+    let jury = Jury::new(samples.rows(), |_| false, &[], 60, 3).unwrap();
     let judged = jury.judge("fickle", Split::UnseenMaterial, &found.predictions).unwrap();
     let text = serde_json::to_string(&judged[0].record()).unwrap();
     assert!(text.contains("\"plcc_raw\":null"), "{text}");
@@ -229,7 +229,7 @@ fn every_fold_has_its_own_seed_and_threads_do_not_matter() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let told = cross_validate(&samples, &folds, &SeedTeller, 9).unwrap();
-            let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", 100, 3).unwrap();
+            let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", &[], 100, 3).unwrap();
             let nearest = cross_validate(&samples, &folds, &Nearest, 1).unwrap();
             let judged = jury.judge("nearest", Split::UnseenMaterial, &nearest.predictions).unwrap();
             let records: Vec<String> = judged.iter().map(|j| serde_json::to_string(&j.record()).unwrap()).collect();
@@ -259,7 +259,7 @@ fn judged_metrics_differ_as_they_should() {
     let samples = study();
     let by_material = grouped_folds(&samples, 5, 1).unwrap();
     let by_method = method_and_group_folds(&samples, 5, 1).unwrap();
-    let jury = Jury::new(samples.rows(), |r| r.method_family == "BAGHER", 400, 3).unwrap();
+    let jury = Jury::new(samples.rows(), |r| r.method_family == "BAGHER", &[], 400, 3).unwrap();
     let judge = |name: &str| {
         let material = cross_validate_distance(&samples, &by_material, name).unwrap();
         let method = cross_validate_distance(&samples, &by_method, name).unwrap();
@@ -327,7 +327,7 @@ fn residuals_by_method_have_intervals_by_material() {
     for (row, mos) in samples.rows().iter().zip(&mut predictions.mos) {
         *mos = if row.material == "material-7" && row.method == "SGD" { row.mos - 3.0 } else { row.mos };
     }
-    let jury = Jury::new(samples.rows(), |_| false, 400, 3).unwrap();
+    let jury = Jury::new(samples.rows(), |_| false, &[], 400, 3).unwrap();
     let found = jury.residuals_by_method(&predictions, Split::UnseenMaterial);
     assert_eq!(found.iter().map(|r| r.method.as_str()).collect::<Vec<_>>(), METHODS);
     for residual in &found {

@@ -82,7 +82,7 @@ fn make_record() -> BenchmarkRecord {
     let columns = columns();
     let samples = samples(&columns);
     let (folds, methods) = (grouped_folds(&samples, 5, 1).unwrap(), method_and_group_folds(&samples, 5, 1).unwrap());
-    let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", 60, 1).unwrap();
+    let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", &[], 60, 1).unwrap();
     let judge = |name: &str| {
         let material = cross_validate_distance(&samples, &folds, name).unwrap();
         let method = cross_validate_distance(&samples, &methods, name).unwrap();
@@ -138,6 +138,7 @@ fn make_record() -> BenchmarkRecord {
         versions: BTreeMap::from([("vernis".to_owned(), "0.1.0".to_owned())]),
         data_hashes: BTreeMap::from([("ratings.csv".to_owned(), "00ff".repeat(16))]),
         set_aside: vec!["BAGHER".into()],
+        row_sets: Vec::new(),
         headline: headline.iter().map(|s| (*s).to_owned()).collect(),
         metrics: metrics.iter().map(JudgedMetric::record).collect(),
         differences: jury.differences(&metrics, &pairs, &[Figure::Plcc, Figure::Srocc]).unwrap(),

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use vernis::dataset::{DatasetError, Study, contradiction};
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::experiment::plan::Plan;
-use vernis::experiment::train::{RESAMPLES, Stage, metric_name, metrics};
+use vernis::experiment::train::{RESAMPLES, Stage, loss_name, metric_name, metrics};
 use vernis::experiment::{BenchmarkOptions, ExperimentError, Measurement, Purpose};
 use vernis::report::pictures::{self, PictureError};
 use vernis::report::{self, OutputFolder, tables, write_benchmark, write_numbers};
@@ -96,20 +96,28 @@ pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
     let bar = Bar::new();
     if let Some(name) = &args.name {
         free_name(name)?;
+        free_name(&loss_name(name))?;
     }
     let mut job = Job::run(shared, &args.options, Purpose::Train, args.name.as_deref(), &bar)?;
     let exported = job.explain(&bar).and_then(|()| {
         let metric = job.measurement.export(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
-        Ok(job.folder.write(&format!("{}.vernis.json", metric.name), metric.to_json()?.as_bytes())?)
+        let path = job.folder.write(&format!("{}.vernis.json", metric.name), metric.to_json()?.as_bytes())?;
+        let loss = job.measurement.export_loss(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
+        Ok((path, job.folder.write(&format!("{}.vernis.json", loss.name), loss.to_json()?.as_bytes())?))
     });
     // Whatever became of the one, the other is finished.
     let report = job.write_report(shared);
     bar.finish();
-    let path = exported.map_err(|error| job.later(error))?;
+    let (path, loss) = exported.map_err(|error| job.later(error))?;
     let report = report.map_err(|error| job.later(error))?;
     summary(job.measurement.record(), args.options.json)?;
     if !args.options.json {
-        print(format!("metric: {}\nreport: {}\n", path.display(), report.display()))?;
+        print(format!(
+            "metric: {}\nmetric to fit with: {}\nreport: {}\n",
+            path.display(),
+            loss.display(),
+            report.display()
+        ))?;
     }
     Ok(())
 }
@@ -166,7 +174,10 @@ impl Job {
         let progress = |stage: &str, progress| bar.update(stage, progress);
         let exported = purpose == Purpose::Train;
         let name = |study: &Study| name.map_or_else(|| metric_name(study), str::to_owned);
-        let file = |study: &Study| exported.then(|| format!("{}.vernis.json", name(study)));
+        let files = |study: &Study| -> Vec<String> {
+            let names = exported.then(|| [name(study), loss_name(&name(study))]);
+            names.iter().flatten().map(|name| format!("{name}.vernis.json")).collect()
+        };
         let (measurement, (folder, said)) = match &options.extracted {
             Some(path) => {
                 let extracted = ExtractedStudy::load(path).map_err(user_error)?;
@@ -183,7 +194,7 @@ impl Job {
                     }
                 }
                 how.scores = options.scores.load(&extracted.study)?;
-                let folder = folder(options, &how, &extracted.study, file(&extracted.study))?;
+                let folder = folder(options, &how, &extracted.study, files(&extracted.study))?;
                 note(format_args!("{place}: embeddings are left out, for they are learned from BRDFs"));
                 (Measurement::of_extracted(&extracted, &how, purpose, &progress), folder)
             }
@@ -191,7 +202,7 @@ impl Job {
                 let study = options.input.study(shared)?;
                 // Found unwritable before the work, not after it.
                 how.scores = options.scores.load(&study)?;
-                let folder = folder(options, &how, &study, file(&study))?;
+                let folder = folder(options, &how, &study, files(&study))?;
                 (Measurement::of(&study, &how, purpose, &progress), folder)
             }
         };
@@ -251,13 +262,13 @@ fn say(sentences: &[String]) {
     }
 }
 
-/// The folder for results, `metric` among them, for a study that can be judged; says what the study does not support, and returns
+/// The folder for results, `metrics` among them, for a study that can be judged; says what the study does not support, and returns
 /// how many sentences that took.
 fn folder(
     options: &StudyOptions,
     how: &BenchmarkOptions,
     study: &Study,
-    metric: Option<String>,
+    metrics: Vec<String>,
 ) -> Result<(OutputFolder, usize)> {
     let plan = Plan::of(study, how).map_err(|error| match &error {
         ExperimentError::Study(cause) if matches!(**cause, DatasetError::TooFewGroups { .. }) => {
@@ -267,7 +278,7 @@ fn folder(
     })?;
     let default = || Path::new("out").join(study.short_name());
     let report = report::FILES.into_iter().filter(|name| *name != "study.json").map(str::to_owned);
-    let names: Vec<String> = report.chain(metric).collect();
+    let names: Vec<String> = report.chain(metrics).collect();
     let inputs = options.input.inputs().files(&options.extracted).files(options.scores.file());
     let folder = output::folder(options.out.as_deref(), default, &names, &inputs, options.replace)?;
     say(&plan.left_out);

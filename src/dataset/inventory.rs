@@ -14,6 +14,8 @@ pub struct FileStatus {
     pub path: String,
     /// What the file is for, in words.
     pub role: String,
+    /// The study loads without it.
+    pub optional: bool,
     /// Whether it is there, and as published.
     pub state: FileState,
     /// SHA-256 of the file that is there.
@@ -114,6 +116,7 @@ fn file_status(pinned: &PinnedFile, data: Option<&Path>) -> FileStatus {
     FileStatus {
         path: pinned.path.clone(),
         role: pinned.role.clone(),
+        optional: pinned.optional,
         state,
         found_sha256,
         published_sha256: pinned.sha256.clone(),

@@ -129,6 +129,9 @@ pub struct PinnedFile {
     /// A part of the file is of use too.
     #[serde(default)]
     pub extract_allowed: bool,
+    /// The study loads without it.
+    #[serde(default)]
+    pub optional: bool,
 }
 
 impl PinnedFile {
@@ -212,6 +215,18 @@ pub struct RebuiltManifest {
     pub files: Vec<PinnedFile>,
     /// How far the references are from the measured materials.
     pub reliability: Reliability,
+    /// Judged triplets of the references' materials, in optional files.
+    pub triplets: Option<TripletFiles>,
+}
+
+/// Where judged triplets are, in the data folder: see [`super::triplets`].
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TripletFiles {
+    /// The JSON file of triplets and votes.
+    pub answers: String,
+    /// The names of the materials by number.
+    pub materials: String,
 }
 
 /// How the candidates of a method are rebuilt.
@@ -274,6 +289,11 @@ impl Manifest {
     /// Rated pairs of the whole study.
     pub fn pairs(&self) -> usize {
         self.rebuilt.as_ref().map_or(self.rated.pairs, |m| m.pairs)
+    }
+
+    /// The pinned files without which the study cannot be loaded, ratings first.
+    pub fn needed_files(&self) -> Vec<&PinnedFile> {
+        self.files().into_iter().filter(|file| !file.optional).collect()
     }
 
     /// Every pinned file, ratings first.
@@ -368,6 +388,11 @@ impl RebuiltManifest {
             }
             if let Some(method) = set.methods.iter().find(|name| !m.candidates.iter().any(|c| c.method == **name)) {
                 return wrong(format!("no candidate of the study is of the method {method}"));
+            }
+        }
+        for path in m.triplets.iter().flat_map(|t| [&t.answers, &t.materials]) {
+            if !m.files.iter().any(|f| f.path == *path && f.optional) {
+                return Err(manifest_error(study, format!("{path} is used but not among the optional files")));
             }
         }
         let Reliability { scale, errors } = &m.reliability;

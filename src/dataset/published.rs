@@ -17,12 +17,12 @@ use vernis_metric::math::rating_scale::RatingScale;
 /// Loads the rated pairs whose ratings and BRDFs are in `data`.
 pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetError> {
     let Some(data) = data else {
-        let needs: Vec<&str> = manifest.files().iter().map(|f| f.path.as_str()).collect();
+        let needs: Vec<&str> = manifest.needed_files().iter().map(|f| f.path.as_str()).collect();
         return Err(DatasetError::NoDataFolder { study: manifest.name().into(), needs: needs.join(", ") });
     };
     let mut files = Vec::new();
     let mut contents = BTreeMap::new();
-    for pinned in manifest.files() {
+    for pinned in manifest.needed_files() {
         let (bytes, file) = read_pinned(manifest.name(), data, pinned)?;
         files.push(file);
         contents.insert(pinned.path.as_str(), bytes);

@@ -101,6 +101,15 @@ impl AblationCase {
     }
 }
 
+/// Standard deviations of the members' predictions for rows that they have not seen, in MOS, one a row.
+#[derive(Debug, Clone)]
+pub struct Spreads {
+    /// By members that have not seen the row's material.
+    pub unseen_material: Vec<f64>,
+    /// By members that have seen neither material nor method; `None` where the study does not support that split.
+    pub unseen_method: Option<Vec<f64>>,
+}
+
 /// Metrics judged on one study.
 pub struct Bench {
     protocol: Protocol,
@@ -327,42 +336,57 @@ impl Bench {
         prediction_records(self.samples.rows(), &found)
     }
 
-    /// The interval of a score, calibrated on rows that the metric has not seen, and how well such an interval holds: for
-    /// each fold's rows it is calibrated on the other folds.
-    pub fn intervals(
-        &self,
-        subject: &str,
-        member: &dyn Trainer,
-        samples: &Samples,
-        members: usize,
-    ) -> Result<(Interval, Calibration), EvaluationError> {
+    /// How far `members` models of `member` differ on rows that they have not seen, each trained on resampled materials of the training
+    /// side of a fold: what the intervals of several metrics may be calibrated with.
+    pub fn spreads(&self, member: &dyn Trainer, samples: &Samples, members: usize) -> Result<Spreads, EvaluationError> {
+        let seed = self.protocol.seed;
+        let of = |split| {
+            let folds = self.folds(samples, split)?;
+            folds.map(|folds| cross_validate_spread(samples, &folds, member, members, seed)).transpose()
+        };
+        let Some(unseen_material) = of(Split::UnseenMaterial)? else {
+            return Err(EvaluationError::TooFew { what: "rows to calibrate on", found: 0, least: 1 });
+        };
+        Ok(Spreads { unseen_material, unseen_method: of(Split::UnseenMaterialAndMethod)? })
+    }
+
+    /// The interval of a score, calibrated on rows whose material the metric has not seen, and how well such an interval holds: for
+    /// each fold's rows it is calibrated on the other folds. The same intervals are held against predictions by models that have not
+    /// seen the method either.
+    pub fn intervals(&self, subject: &str, spreads: &Spreads) -> Result<(Interval, Calibration), EvaluationError> {
         let Protocol { folds, seed, .. } = self.protocol;
-        let folds = grouped_folds(samples, folds, seed)?;
+        let folds = grouped_folds(&self.samples, folds, seed)?;
         let score = &self.out_of_fold(subject)?.score;
-        let spread = cross_validate_spread(samples, &folds, member, members, seed)?;
-        let mos: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
+        let mos: Vec<f64> = self.samples.rows().iter().map(|r| r.mos).collect();
         let residual: Vec<f64> = mos.iter().zip(score).map(|(m, s)| m - s).collect();
         let calibrate = |rows: &[usize]| {
             let pick = |values: &[f64]| rows.iter().map(|&i| values[i]).collect::<Vec<f64>>();
-            Interval::calibrate(&pick(&residual), &pick(&spread), INTERVAL_LEVEL).ok_or(EvaluationError::TooFew {
-                what: "rows to calibrate on",
-                found: rows.len(),
-                least: 1,
-            })
+            let found = Interval::calibrate(&pick(&residual), &pick(&spreads.unseen_material), INTERVAL_LEVEL);
+            found.ok_or(EvaluationError::TooFew { what: "rows to calibrate on", found: rows.len(), least: 1 })
         };
-        let mut bounds = vec![Bounds { low: 0.0, high: 0.0 }; mos.len()];
+        // The interval of each row, from the folds that do not hold its material.
+        let mut of_row = vec![Interval { level: INTERVAL_LEVEL, factor: 0.0, offset: 0.0 }; mos.len()];
         for fold in &folds {
             let held = fold.held_out.indices();
             let others: Vec<usize> = (0..mos.len()).filter(|i| !held.contains(i)).collect();
             let interval = calibrate(&others)?;
-            for &i in held {
-                let half = interval.factor * (spread[i] + interval.offset);
+            held.iter().for_each(|&i| of_row[i] = interval);
+        }
+        let covered = |score: &[f64], spread: &[f64]| {
+            let bounds = of_row.iter().zip(score).zip(spread).map(|((interval, score), spread)| {
+                let half = interval.factor * (spread + interval.offset);
                 let clip = |x: f64| x.clamp(1.0, 5.0);
-                bounds[i] = Bounds { low: clip(score[i] - half), high: clip(score[i] + half) };
-            }
+                Bounds { low: clip(score - half), high: clip(score + half) }
+            });
+            Calibration::of(&mos, &bounds.collect::<Vec<_>>(), INTERVAL_LEVEL)
+        };
+        let mut calibration = covered(score, &spreads.unseen_material)?;
+        let unseen = self.found(subject, Split::UnseenMaterialAndMethod);
+        if let (Some(spread), Ok(unseen)) = (&spreads.unseen_method, unseen) {
+            calibration.unseen_method = Some(covered(&unseen.score, spread)?.into());
         }
         let all: Vec<usize> = (0..mos.len()).collect();
-        Ok((calibrate(&all)?, Calibration::of(&mos, &bounds, INTERVAL_LEVEL)?))
+        Ok((calibrate(&all)?, calibration))
     }
 
     /// What `subject` predicts for rows whose material it has not seen.

@@ -6,7 +6,7 @@
 
 use super::agreement::{Agreement, Figure, Figures};
 use super::bootstrap::{Difference, Interval};
-use super::calibration::Calibration;
+use super::calibration::{Calibration, Coverage};
 use super::records::{
     BenchmarkRecord, CurvePoint, DifferenceRecord, Judgement, MaterialResidual, MethodResidual, PredictionRecord,
 };
@@ -77,7 +77,11 @@ fn method_residual(residual: &mut MethodResidual, scale: RatingScale) {
 
 fn calibration(found: Calibration, scale: RatingScale) -> Calibration {
     let (below, above) = if scale.direction() > 0.0 { (found.below, found.above) } else { (found.above, found.below) };
-    Calibration { below, above, mean_width: scale.width(found.mean_width), ..found }
+    let unseen_method = found.unseen_method.map(|c| {
+        let (below, above) = if scale.direction() > 0.0 { (c.below, c.above) } else { (c.above, c.below) };
+        Coverage { below, above, mean_width: scale.width(c.mean_width), ..c }
+    });
+    Calibration { below, above, mean_width: scale.width(found.mean_width), unseen_method, ..found }
 }
 
 fn prediction(prediction: &mut PredictionRecord, scale: RatingScale) {

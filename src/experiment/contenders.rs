@@ -8,6 +8,7 @@ use crate::evaluation::EvaluationError;
 use crate::evaluation::protocol::{AblationCase, Bench, Contender, Protocol, Source};
 use crate::evaluation::records::{AblationRecord, BenchmarkRecord, MetricKind, MetricRecord};
 use crate::samples::Samples;
+use crate::samples::triplets::TripletSamples;
 use crate::train::embedding_folds::{EmbeddedFolds, EmbeddingError, Learner};
 use crate::train::kernel::KernelRidge;
 use crate::train::linear::ElasticNet;
@@ -47,6 +48,8 @@ pub struct StudyBenchmark {
     pub record: BenchmarkRecord,
     /// Of the learned metric's scores, in grades; `None` where it could not be judged.
     pub interval: Option<Interval>,
+    /// The same of the metric to fit with.
+    pub loss_interval: Option<Interval>,
     bench: Bench,
     /// The columns of [`crate::samples::extraction`].
     samples: Samples,
@@ -67,32 +70,38 @@ pub struct RunInfo<'a> {
 /// The names of the metrics that take part beside `classical` ones.
 pub(super) fn names(classical: &[Arc<dyn Metric>]) -> Vec<String> {
     let parts = parts().into_iter().map(|(trainer, _, _)| trainer.name().to_owned());
+    let variants = recipe::variants().into_iter().map(|(trainer, _)| trainer.name().to_owned());
+    let parts = parts.chain(variants).chain([recipe::LOSS_NAME.to_owned(), WITH_NETWORKS.to_owned()]);
     let best = [Criterion::Plcc, Criterion::Srocc].map(|criterion| BestOf { columns: Vec::new(), criterion });
     let means = [MeanOf::Method, MeanOf::MethodAndMaterialType].map(|means| means.name().to_owned());
     let others = parts.chain([recipe::NAME.to_owned()]).chain(best.map(|best| best.name().to_owned())).chain(means);
     others.chain(classical.iter().map(|metric| metric.name().to_owned())).collect()
 }
 
-/// Runs every contender on the splits of `plan`. `samples` are the columns of [`crate::samples::extraction`]; `stage` is told
-/// what comes next. A contender that cannot be judged is left out, with a sentence.
+/// Runs every contender on the splits of `plan`. `samples` are the columns of [`crate::samples::extraction`]; `triplets` those that the
+/// metric learns from as well; `stage` is told what comes next. A contender that cannot be judged is left out, with a sentence.
 pub fn measure(
     study: &Study,
     samples: Samples,
+    triplets: Option<&TripletSamples>,
     plan: &Plan,
     info: &RunInfo<'_>,
     stage: &(dyn Fn(&str) + Sync),
 ) -> Result<StudyBenchmark, ExperimentError> {
     let protocol = &plan.protocol;
     let compact = samples.select_columns(recipe::uses);
+    let taken = taken(&samples, triplets)?;
     let lp = samples.select_columns(|c| c.family == LP_FAMILY);
     let graphs = samples.select_columns(|c| GRAPH_FAMILIES.contains(&c.family.as_str()));
     let mut bench = Bench::new(protocol.clone(), &samples)?;
     let mut left_out = plan.left_out.clone();
-    let parts = parts();
+    let (parts, metrics, variants) = (parts(), metrics(), recipe::variants());
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
     let external = info.external.map(|scores| scores.samples(study)).transpose()?;
     let of_file = || info.external.iter().zip(&external).flat_map(|(scores, samples)| scores.contenders(samples));
-    for contender in contenders(&parts, &best, [&compact, &lp, &graphs], &plan.means).into_iter().chain(of_file()) {
+    let learned = learned(&metrics, &variants, &parts, &taken, &compact);
+    let classical = classical(&best, [&lp, &graphs], &plan.means);
+    for contender in learned.into_iter().chain(classical).chain(of_file()) {
         stage(&format!("cross-validation: {}", contender.name));
         match bench.judge(&contender) {
             Ok(failed) => left_out.extend(
@@ -102,18 +111,26 @@ pub fn measure(
         }
     }
     stage("interval of a score");
-    let member = recipe::member();
     let mut keep = |what: &str, error: EvaluationError| left_out.push(format!("{what} is left out: {error}."));
-    let (interval, calibration) = match bench.has(recipe::NAME) {
-        false => (None, None),
-        true => match bench.intervals(recipe::NAME, &member, &compact, recipe::CALIBRATION_MEMBERS) {
-            Ok((interval, calibration)) => (Some(interval), Some(calibration)),
+    // As many members of the same kind as are exported.
+    let judged = [recipe::NAME, recipe::LOSS_NAME].into_iter().any(|name| bench.has(name));
+    let spreads = judged.then(|| bench.spreads(&recipe::member(), &taken, recipe::MEMBERS)).transpose();
+    let mut of_metric = |name: &str| match &spreads {
+        Ok(Some(spreads)) if bench.has(name) => match bench.intervals(name, spreads) {
+            Ok(found) => Some(found),
             Err(error) => {
-                keep("The interval of a score", error);
-                (None, None)
+                keep(&format!("The interval of a score of {name}"), error);
+                None
             }
         },
+        _ => None,
     };
+    let (of_name, of_loss) = (of_metric(recipe::NAME), of_metric(recipe::LOSS_NAME));
+    if let Err(error) = spreads {
+        keep("The interval of a score", error);
+    }
+    let (interval, calibration) = of_name.unzip();
+    let loss_interval = of_loss.map(|(interval, _)| interval);
     let mut curves = Vec::new();
     let of_graphs = graphs.columns().iter().map(|column| (&graphs, column.name.as_str()));
     let of_external = external.iter().flat_map(|s| s.columns().iter().map(move |column| (s, column.name.as_str())));
@@ -124,7 +141,7 @@ pub fn measure(
         }
     }
     stage("differences");
-    let mut headline = vec![recipe::NAME.to_owned()];
+    let mut headline = vec![recipe::NAME.to_owned(), recipe::LOSS_NAME.to_owned()];
     headline.extend(parts.iter().map(|(trainer, _, _)| trainer.name().to_owned()));
     headline.push(best.name().to_owned());
     headline.extend(graphs.columns().iter().map(|column| column.name.clone()));
@@ -133,7 +150,10 @@ pub fn measure(
     headline.extend(plan.means.iter().map(|m| m.name().to_owned()));
     headline.retain(|name| bench.has(name));
     let subject = headline.first().cloned().unwrap_or_default();
-    let others: Vec<&str> = headline.iter().skip(1).map(String::as_str).collect();
+    let mut others: Vec<&str> = headline.iter().skip(1).map(String::as_str).collect();
+    others.extend(
+        variants.iter().map(|(trainer, _)| trainer.name()).chain([WITH_NETWORKS]).filter(|name| bench.has(name)),
+    );
     let differences = bench.differences(&subject, &others)?;
     let versioned =
         |metric: MetricRecord| MetricRecord { version: info.metric_versions.get(&metric.name).cloned(), ..metric };
@@ -169,7 +189,7 @@ pub fn measure(
         headline,
         left_out,
     };
-    Ok(StudyBenchmark { record, interval, bench, samples })
+    Ok(StudyBenchmark { record, interval, loss_interval, bench, samples })
 }
 
 impl StudyBenchmark {
@@ -250,8 +270,16 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
             MetricKind::Learned,
             "kernel ridge regression on all training rows; not exported, for the ratings could be solved for",
         ),
-        (Box::new(recipe::kernel()), MetricKind::Learned, "the kernel part of the metric: few landmarks"),
-        (Box::new(recipe::network()), MetricKind::Learned, "the network part of the metric: an ensemble in burn"),
+        (
+            Box::new(recipe::kernel()),
+            MetricKind::Learned,
+            "the landmark kernel of version 1: kernel and ridge chosen on inner folds",
+        ),
+        (
+            Box::new(recipe::network()),
+            MetricKind::Learned,
+            "an ensemble of small networks in burn, once half of the metric: left out of it since version 2",
+        ),
         (
             Box::new(recipe::plain_kernel()),
             MetricKind::Learned,
@@ -266,20 +294,65 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
     ]
 }
 
-fn contenders<'a>(
+/// Mean of the metric and the networks.
+const WITH_NETWORKS: &str = "vernis-and-networks";
+const NETWORKS: &str = "neural-network";
+
+/// The exported metrics, each with a note.
+fn metrics() -> Vec<(Box<dyn Trainer>, &'static str)> {
+    vec![
+        (
+            Box::new(recipe::distance()),
+            "exported to fit with: a true metric, a saturated city-block distance of 60 differences",
+        ),
+        (
+            Box::new(recipe::metric()),
+            "exported: the distance of vernis-loss and a landmark kernel on what it leaves over",
+        ),
+    ]
+}
+
+/// The descriptors that the metric takes, and the triplets that it learns from.
+pub fn taken(samples: &Samples, triplets: Option<&TripletSamples>) -> Result<Samples, ExperimentError> {
+    let taken = samples.select_columns(recipe::takes);
+    Ok(match triplets {
+        Some(triplets) => taken.with_triplets(triplets.clone())?,
+        None => taken,
+    })
+}
+
+/// The models beside the metric, the metric, and what changes where a part of it does.
+fn learned<'a>(
+    metrics: &'a [(Box<dyn Trainer>, &'static str)],
+    variants: &'a [(Box<dyn Trainer>, &'static str)],
     parts: &'a [(Box<dyn Trainer>, MetricKind, &'static str)],
-    best: &'a BestOf,
-    [compact, lp, graphs]: [&'a Samples; 3],
-    means: &[MeanOf],
+    taken: &'a Samples,
+    compact: &'a Samples,
 ) -> Vec<Contender<'a>> {
+    let contender = |trainer: &'a dyn Trainer, kind, note: &str, samples| Contender {
+        name: trainer.name().to_owned(),
+        kind,
+        note: note.to_owned(),
+        source: Source::Trainer(trainer, samples),
+    };
+    let mut all: Vec<Contender<'a>> =
+        parts.iter().map(|(trainer, kind, note)| contender(trainer.as_ref(), *kind, note, compact)).collect();
+    let of_recipe = metrics.iter().chain(variants);
+    all.extend(of_recipe.map(|(trainer, note)| contender(trainer.as_ref(), MetricKind::Learned, note, taken)));
+    all.push(Contender {
+        name: WITH_NETWORKS.to_owned(),
+        kind: MetricKind::Learned,
+        note: "variant of vernis: the mean of it and the networks".to_owned(),
+        source: Source::MeanOf(&[recipe::NAME, NETWORKS]),
+    });
+    all
+}
+
+/// What is not learned from descriptors.
+fn classical<'a>(best: &'a BestOf, [lp, graphs]: [&'a Samples; 2], means: &[MeanOf]) -> Vec<Contender<'a>> {
     let contender =
         |name: &str, kind, note: &str, source| Contender { name: name.to_owned(), kind, note: note.to_owned(), source };
-    let mut all: Vec<Contender<'a>> = parts
-        .iter()
-        .map(|(trainer, kind, note)| contender(trainer.name(), *kind, note, Source::Trainer(trainer.as_ref(), compact)))
-        .collect();
-    let note = "the exported metric: mean of the landmark kernel and the networks";
-    all.push(contender(recipe::NAME, MetricKind::Learned, note, Source::MeanOf(&recipe::PARTS)));
+    let mut all = Vec::new();
     all.push(contender(
         best.name(),
         MetricKind::NestedBestLp,

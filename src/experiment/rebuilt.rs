@@ -31,7 +31,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::BrdfSource;
-use vernis_metric::descriptor::{Cache, DescriptorSet, Setup};
+use vernis_metric::descriptor::{Cache, Setup};
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::math::correlation::{Ranking, pearson_counted, spearman_counted};
 use vernis_metric::math::seed;
@@ -211,7 +211,7 @@ impl<T: Trainer> Job<'_, T> {
     fn samples(&self, study: &Study, metrics: &[Arc<dyn Metric>]) -> Result<Samples, ExperimentError> {
         let progress = |p| (self.progress)("descriptors", p);
         let (base, cache) = (self.options.data.as_deref(), self.options.cache.as_ref());
-        let set = DescriptorSet::extended();
+        let set = recipe::descriptors();
         let extractor = Extractor { set: &set, setup: &self.setup, metrics, base, cache, progress: &progress };
         Ok(extractor.extract(study)?.samples)
     }
@@ -232,7 +232,7 @@ impl<T: Trainer> Job<'_, T> {
             untrained.map_err(|e| ExperimentError::MetricNamed { name: UNTRAINED.to_owned(), source: Box::new(e) })?;
         let all = Study { pairs, ..self.study.clone() };
         let samples = self.samples(&all, &[untrained])?;
-        let (predicted, training_rows) = self.predictions(&samples.select_columns(recipe::uses), family)?;
+        let (predicted, training_rows) = self.predictions(&samples.select_columns(recipe::takes), family)?;
         let distances = samples.columns().iter().position(|column| column.name == UNTRAINED);
         let distances = distances.map(|column| samples.column(column).to_vec());
         let verdict = |(k, way): (usize, &&Hypothesis)| {

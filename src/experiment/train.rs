@@ -11,9 +11,10 @@
 //! decided before the first BRDF is read ([`Plan`]). The same study, options and seed give the same bytes, whatever the number of threads.
 
 use super::ExperimentError;
-use super::contenders::{RunInfo, StudyBenchmark, measure};
+use super::contenders::{RunInfo, StudyBenchmark, measure, taken};
 use super::external::ExternalScores;
 use super::plan::Plan;
+use crate::dataset::triplets::StudyTriplets;
 use crate::dataset::{DeclaredScale, Study, manifest};
 use crate::evaluation::protocol::Protocol;
 use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
@@ -21,6 +22,7 @@ use crate::samples::Samples;
 use crate::samples::extracted::ExtractedStudy;
 use crate::samples::extraction::{Extraction, Extractor};
 use crate::samples::split::TrainingSet;
+use crate::samples::triplets::TripletSamples;
 use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
 use crate::train::ensemble::bootstrap_members;
 use crate::train::export::{Export, provenance};
@@ -34,7 +36,7 @@ use vernis_metric::descriptor::{Cache, CacheWarning, DescriptorOptions, Descript
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::metric::Metric;
 use vernis_metric::metric::learned::ExportedMetric;
-use vernis_metric::metric::learned::exported::{Descriptors, Reached};
+use vernis_metric::metric::learned::exported::{Descriptors, Interval, Reached};
 use vernis_metric::metric::lp::LpVariant;
 use vernis_metric::metric::registry::Registry;
 
@@ -90,6 +92,8 @@ pub struct TrainOptions {
 pub struct Trained {
     /// The metric, trained on all rows.
     pub metric: ExportedMetric,
+    /// The distance that it begins with, a metric of its own: the one to fit with.
+    pub loss: ExportedMetric,
     /// How well the recipe agrees with people, measured on held-out rows.
     pub benchmark: BenchmarkRecord,
     /// What could not be kept for the next run.
@@ -117,7 +121,8 @@ pub fn train(study: &Study, options: &TrainOptions, progress: Observer<'_>) -> R
         measurement.run(stage, progress)?;
     }
     let metric = measurement.export(options.name.as_deref(), progress)?;
-    Ok(Trained { metric, benchmark: measurement.record().clone(), warnings: measurement.warnings })
+    let loss = measurement.export_loss(options.name.as_deref(), progress)?;
+    Ok(Trained { metric, loss, benchmark: measurement.record().clone(), warnings: measurement.warnings })
 }
 
 /// Measures all metrics on a study under nested cross-validation, without exporting one.
@@ -182,7 +187,7 @@ pub struct Measurement {
     record: BenchmarkRecord,
     /// What embeddings are learned from, where the BRDFs were read and the study has enough.
     bank: Option<TableBank>,
-    /// The descriptors of every row.
+    /// The descriptors of every row, and the triplets.
     training: TrainingSet,
     seed: u64,
     /// What could not be kept for the next run.
@@ -196,7 +201,12 @@ struct Numbers<'a> {
     setup: String,
     /// What embeddings are learned from, where the BRDFs were read.
     bank: Option<TableBank>,
+    /// What the metric learns from beside the ratings, or why there is nothing.
+    triplets: Result<TripletSamples, String>,
 }
+
+/// Why studies whose numbers were extracted before have no triplets.
+const NOT_EXTRACTED: &str = "they are computed from BRDFs, and these numbers were extracted before";
 
 impl Measurement {
     /// Measures every metric on `study`.
@@ -215,10 +225,22 @@ impl Measurement {
         let others = if study.synthetic { Vec::new() } else { unrated(options.data.as_deref())? };
         let (data, cache) = (options.data.as_deref(), options.cache.as_ref());
         let bank = TableBank::new(study, extraction.tables, &others, data, cache, &setup)?;
+        let mut warnings = extraction.warnings;
+        // With the files of its triplets, which decide the numbers as well.
+        let mut whole = study.clone();
+        let triplets = match StudyTriplets::of_study(&study.name, data)? {
+            Err(reason) => Err(reason),
+            Ok(found) => {
+                whole.files.extend(found.files.iter().cloned());
+                let (samples, unkept) = triplet_samples(&found, &setup, data, cache, progress)?;
+                warnings.extend(unkept);
+                Ok(samples)
+            }
+        };
         let setup = setup.id().to_owned();
-        let numbers = Numbers { study, samples: extraction.samples, setup, bank: Some(bank) };
+        let numbers = Numbers { study: &whole, samples: extraction.samples, setup, bank: Some(bank), triplets };
         let source = format!("--study {}{}", file_name(study), scale_option(study));
-        Self::measure(numbers, options, purpose, &source, extraction.warnings, progress)
+        Self::measure(numbers, options, purpose, &source, warnings, progress)
     }
 
     /// Measures every metric on a study whose numbers were extracted before. Embeddings, which are learned from BRDFs, take no
@@ -238,7 +260,8 @@ impl Measurement {
         extracted.check_versions(&metrics(study)?, &study.name)?;
         let (samples, setup) = (extracted.samples.clone(), extracted.versions.setup.clone());
         let source = format!("--extracted {}.parquet", study.short_name());
-        Self::measure(Numbers { study, samples, setup, bank: None }, options, purpose, &source, Vec::new(), progress)
+        let numbers = Numbers { study, samples, setup, bank: None, triplets: Err(NOT_EXTRACTED.to_owned()) };
+        Self::measure(numbers, options, purpose, &source, Vec::new(), progress)
     }
 
     fn measure(
@@ -249,11 +272,19 @@ impl Measurement {
         warnings: Vec<CacheWarning>,
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
-        let Numbers { study, samples, setup, bank } = numbers;
+        let Numbers { study, samples, setup, bank, triplets } = numbers;
         let compact = samples.select_columns(recipe::uses);
-        let plan = Plan::with_numbers(study, options, &compact)?;
+        let mut plan = Plan::with_numbers(study, options, &compact)?;
+        if let Err(reason) = &triplets {
+            plan.left_out.push(format!("The metric is trained without judged triplets: {reason}."));
+        }
+        let training = taken(&samples, triplets.as_ref().ok())?;
         let metrics = metrics(study)?;
         let mut versions = versions(&setup, &metrics);
+        if let Ok(found) = &triplets {
+            let (all, untied) = (found.triplets().len(), found.triplets().iter().filter(|t| t.is_untied()).count());
+            versions.insert("triplets".into(), format!("{all} judged triplets, {untied} of them with a majority"));
+        }
         if bank.is_none() {
             versions.insert("embeddings".into(), "left out, for they are learned from BRDFs".into());
         }
@@ -262,14 +293,15 @@ impl Measurement {
         let mut metric_versions = metric_versions(&metrics);
         metric_versions.extend(external.iter().flat_map(|scores| scores.versions()));
         let info = RunInfo { command, versions, metric_versions, external };
-        let bench = measure(study, samples, &plan, &info, &|label| progress(label, Progress::BEGUN))?;
+        let bench =
+            measure(study, samples, triplets.as_ref().ok(), &plan, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
             study: study.clone(),
             setup,
             record: bench.record.clone().on_scale(study.scale),
             bench,
             bank: bank.filter(|_| plan.embeddings),
-            training: TrainingSet::whole(&compact),
+            training: TrainingSet::whole(&training),
             seed: options.seed,
             warnings,
         })
@@ -323,26 +355,61 @@ impl Measurement {
     pub fn export(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
         progress("final metric", Progress::BEGUN);
         let default = metric_name(&self.study);
-        let interval = self.bench.interval.ok_or_else(|| {
+        self.exported(recipe::NAME, &recipe::metric(), name.unwrap_or(&default), self.bench.interval)
+    }
+
+    /// Trains the distance that the metric begins with on every row, as a metric of its own: `vernis-loss` for the open study, else
+    /// the name of the metric and `-loss`. Members are those of the metric.
+    ///
+    /// # Errors
+    /// Training that fails.
+    pub fn export_loss(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
+        progress("metric to fit with", Progress::BEGUN);
+        let default = metric_name(&self.study);
+        let name = loss_name(name.unwrap_or(&default));
+        self.exported(recipe::LOSS_NAME, &recipe::distance(), &name, self.bench.loss_interval)
+    }
+
+    fn exported(
+        &self,
+        metric: &'static str,
+        trainer: &dyn Trainer,
+        name: &str,
+        interval: Option<Interval>,
+    ) -> Result<ExportedMetric, ExperimentError> {
+        let interval = interval.ok_or_else(|| {
             let reasons = self.bench.record.left_out.iter().filter(|line| line.contains(" is left out: "));
             let reason = reasons.map(String::as_str).collect::<Vec<_>>().join(" ");
-            ExperimentError::NotMeasured { metric: recipe::NAME, reason }
+            ExperimentError::NotMeasured { metric, reason }
         })?;
-        let trainer = recipe::metric();
         let model = trainer.train(&self.training, self.seed)?;
         let members = bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed)?;
         let record = &self.record;
-        let command = record.command.clone();
+        let (command, agreement) = (record.command.clone(), reached(record, metric));
         let export = Export {
-            name: name.unwrap_or(&default),
+            name,
             metric_version: recipe::METRIC_VERSION,
             scale: self.study.scale,
-            descriptors: Descriptors { setup: self.setup.clone(), set: DescriptorSet::extended() },
+            descriptors: Descriptors { setup: self.setup.clone(), set: recipe::descriptors() },
             interval,
-            provenance: provenance(&self.study, record.rows, record.materials, self.seed, command, reached(record)),
+            provenance: provenance(&self.study, record.rows, record.materials, self.seed, command, agreement),
         };
         Ok(export.of(trainer.name(), &*model, &members)?)
     }
+}
+
+/// The descriptors of the pairs of judged triplets, computed where the cache lacks them.
+fn triplet_samples(
+    study: &StudyTriplets,
+    setup: &Setup,
+    base: Option<&Path>,
+    cache: Option<&Cache>,
+    progress: Observer<'_>,
+) -> Result<(TripletSamples, Vec<CacheWarning>), ExperimentError> {
+    let told = |p| progress("materials of triplets", p);
+    let set = recipe::descriptors();
+    let extractor = Extractor { set: &set, setup, metrics: &[], base, cache, progress: &told };
+    Ok(extractor.triplets(study)?)
 }
 
 /// Descriptors and distances of every pair of a study, computed where the cache lacks them.
@@ -388,6 +455,11 @@ pub fn metric_name(study: &Study) -> String {
         manifest::OPEN => recipe::NAME.to_owned(),
         _ => format!("{}-{}", recipe::NAME, study.short_name()),
     }
+}
+
+/// The name of the metric to fit with that belongs to the metric called `name`.
+pub fn loss_name(name: &str) -> String {
+    format!("{name}-loss")
 }
 
 /// The embedded study is there to show the whole job on any machine, in a minute or two.
@@ -454,12 +526,13 @@ fn versions(setup: &str, metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String
 /// Versions of the numbers of every metric that is judged.
 fn metric_versions(metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
     let classical = metrics.iter().map(|metric| (metric.name().to_owned(), metric.version().to_owned()));
-    classical.chain([(recipe::NAME.to_owned(), recipe::METRIC_VERSION.to_owned())]).collect()
+    let learned = [recipe::NAME, recipe::LOSS_NAME].map(|name| (name.to_owned(), recipe::METRIC_VERSION.to_owned()));
+    classical.chain(learned).collect()
 }
 
-/// The headline figures of the learned metric.
-fn reached(record: &BenchmarkRecord) -> Vec<Reached> {
-    let Some(metric) = record.metric(recipe::NAME) else { return Vec::new() };
+/// The headline figures of a learned metric.
+fn reached(record: &BenchmarkRecord, name: &str) -> Vec<Reached> {
+    let Some(metric) = record.metric(name) else { return Vec::new() };
     let mut asked = vec![
         (Split::UnseenMaterial, RowSet::All),
         (Split::UnseenMaterial, RowSet::WithoutSetAside),

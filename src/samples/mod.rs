@@ -11,6 +11,7 @@ pub mod extraction;
 mod parquet;
 pub mod shard;
 pub mod split;
+pub mod triplets;
 mod workers;
 
 use crate::dataset::opinions::REFERENCE;
@@ -18,6 +19,7 @@ use crate::dataset::{Basis, Identical, Row};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
+use triplets::TripletSamples;
 use vernis_metric::descriptor::{Column, Role};
 use vernis_metric::math::rating_scale::RatingScale;
 
@@ -36,6 +38,12 @@ pub enum SamplesError {
     NotFinite { row: usize, material: String, method: String, column: String, value: f64 },
     #[error("row {row} ({material}, {method}): {what} is {value}; it must be {allowed}")]
     Rating { row: usize, material: String, method: String, what: &'static str, value: f64, allowed: &'static str },
+    #[error("pair {row} of the triplets: {column} is {value}; every descriptor must be finite")]
+    TripletPair { row: usize, column: String, value: f64 },
+    #[error("triplet {row}: {what} is {value}; it must be {allowed}")]
+    Triplet { row: usize, what: &'static str, value: f64, allowed: &'static str },
+    #[error("column {index} of the triplets is {found}; it must be {expected}, as in the rated pairs")]
+    TripletColumn { index: usize, found: String, expected: String },
 }
 
 /// A study as numbers: `features` is rows x columns.
@@ -48,6 +56,7 @@ pub struct Samples {
     identical: Identical,
     /// What the rule says, for parts without hidden references.
     assumed: Identical,
+    triplets: Option<TripletSamples>,
 }
 
 impl Samples {
@@ -83,7 +92,7 @@ impl Samples {
             }
         }
         let assumed = Identical::default();
-        Ok(Self { columns, rows, features, swapped: None, identical: assumed.clone(), assumed })
+        Ok(Self { columns, rows, features, swapped: None, identical: assumed.clone(), assumed, triplets: None })
     }
 
     /// With the score of identical BRDFs of a study that was rated on `scale`, a grade; without it is that of the rule for 1 to 5.
@@ -96,6 +105,52 @@ impl Samples {
     #[must_use]
     pub fn identical_as(self, other: &Self) -> Self {
         Self { identical: other.identical.clone(), assumed: other.assumed.clone(), ..self }
+    }
+
+    /// With judged triplets, from which trainers may learn as well.
+    ///
+    /// # Errors
+    /// Other columns than those of the rated pairs.
+    pub fn with_triplets(self, triplets: TripletSamples) -> Result<Self, SamplesError> {
+        let (found, expected) = (triplets.columns(), &self.columns);
+        let name =
+            |columns: &[Column], index: usize| columns.get(index).map_or("nothing".to_owned(), |c| c.name.clone());
+        match (0..found.len().max(expected.len())).find(|&i| found.get(i) != expected.get(i)) {
+            Some(index) => {
+                let (found, expected) = (name(found, index), name(expected, index));
+                Err(SamplesError::TripletColumn { index, found, expected })
+            }
+            None => Ok(Self { triplets: Some(triplets), ..self }),
+        }
+    }
+
+    /// What [`Samples::with_triplets`] was given, as far as it belongs to these rows.
+    pub fn triplets(&self) -> Option<&TripletSamples> {
+        self.triplets.as_ref()
+    }
+
+    /// The same rows without triplets.
+    #[must_use]
+    pub fn without_triplets(self) -> Self {
+        Self { triplets: None, ..self }
+    }
+
+    /// The triplets that belong to the rows at `indices`: without those of a group that has rows here, but none there. Triplets whose
+    /// reference nobody rated belong to every part.
+    fn triplets_of(&self, indices: &[usize]) -> Option<TripletSamples> {
+        let triplets = self.triplets.as_ref()?;
+        let mut gone: BTreeSet<&str> = self.rows.iter().map(|row| row.group.as_str()).collect();
+        for &index in indices {
+            gone.remove(self.rows[index].group.as_str());
+        }
+        Some(triplets.counted(|group| usize::from(!gone.contains(group))))
+    }
+
+    /// With the triplets of each rated group counted as often as `times` says.
+    pub(super) fn with_counted_triplets(mut self, times: &BTreeMap<String, usize>) -> Self {
+        let counted = |t: TripletSamples| t.counted(|group| times.get(group).copied().unwrap_or(1));
+        self.triplets = self.triplets.map(counted);
+        self
     }
 
     /// The score of identical BRDFs.
@@ -183,7 +238,7 @@ impl Samples {
         self.features.column(index)
     }
 
-    /// The rows at `indices`, in that order.
+    /// The rows at `indices`, in that order, and the triplets of the groups that are left.
     pub fn select_rows(&self, indices: &[usize]) -> Self {
         Self {
             columns: self.columns.clone(),
@@ -192,6 +247,7 @@ impl Samples {
             swapped: self.swapped.as_ref().map(|s| s.select(Axis(0), indices)),
             identical: self.identical.clone(),
             assumed: self.assumed.clone(),
+            triplets: self.triplets_of(indices),
         }
     }
 
@@ -205,6 +261,7 @@ impl Samples {
             swapped: self.swapped.as_ref().map(|s| s.select(Axis(1), &indices)),
             identical: self.identical.clone(),
             assumed: self.assumed.clone(),
+            triplets: self.triplets.as_ref().map(|t| t.select_columns(&keep)),
         }
     }
 }

@@ -2,6 +2,7 @@
 //! held-out rows to a trainer does not compile.
 
 use super::Samples;
+use super::triplets::TripletSamples;
 use crate::dataset::Row;
 use ndarray::ArrayView2;
 use rand::seq::SliceRandom;
@@ -78,6 +79,17 @@ impl TrainingSet {
         self.samples.identical().score
     }
 
+    /// Judged triplets to learn from, where the study has some: none whose reference, or a sister of it, is held out.
+    pub fn triplets(&self) -> Option<&TripletSamples> {
+        self.samples.triplets()
+    }
+
+    /// The same rows without triplets.
+    #[must_use]
+    pub fn without_triplets(self) -> Self {
+        Self { samples: self.samples.without_triplets() }
+    }
+
     /// Training weights, one a row.
     pub fn weights(&self) -> Vec<f64> {
         self.samples.rows().iter().map(|r| r.weight).collect()
@@ -112,8 +124,13 @@ impl TrainingSet {
     pub fn resample_groups(&self, seed: u64, index: u64) -> Self {
         let groups: Vec<Vec<usize>> = groups(&self.samples).into_values().collect();
         let drawn = places(groups.len(), seed, "resample-groups", index);
-        let rows: Vec<usize> = drawn.flat_map(|group| groups[group].iter().copied()).collect();
-        Self { samples: self.samples.select_rows(&rows) }
+        let mut times: BTreeMap<String, usize> = BTreeMap::new();
+        let mut rows = Vec::new();
+        for group in drawn {
+            rows.extend(&groups[group]);
+            *times.entry(self.rows()[groups[group][0]].group.clone()).or_default() += 1;
+        }
+        Self { samples: self.samples.select_rows(&rows).with_counted_triplets(&times) }
     }
 }
 
@@ -159,7 +176,7 @@ fn fold(
     }
     Ok(Fold {
         training: TrainingSet { samples: samples.select_rows(&train_rows).of_own_references() },
-        held_out: HeldOut { samples: samples.select_rows(&held_rows), indices: held_rows },
+        held_out: HeldOut { samples: samples.select_rows(&held_rows).without_triplets(), indices: held_rows },
     })
 }
 
@@ -227,6 +244,7 @@ pub fn material_type_folds(samples: &Samples) -> Result<Vec<Fold>, SplitError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples::triplets::JudgedTriplet;
     use ndarray::Array2;
     use vernis_metric::descriptor::Role;
 
@@ -320,6 +338,53 @@ mod tests {
         let folds = method_and_group_folds(&s, 4, 2).unwrap();
         check(&s, &folds);
         assert!(folds.iter().all(|f| families_of(f.training.rows()).is_disjoint(&families_of(f.held_out.rows()))));
+    }
+
+    #[test]
+    fn triplets_whose_reference_is_held_out_stay_out_of_training() {
+        let pairs = Array2::from_shape_fn((2, 1), |(i, _)| i as f32);
+        // A triplet of every group, and one of a reference that nobody rated.
+        let of = |group: String| JudgedTriplet { pairs: [0, 1], votes: [3.0, 1.0], group: group.into() };
+        let triplets: Vec<JudgedTriplet> =
+            (0..8).map(|g| of(format!("g{g}"))).chain([of("unrated".to_owned())]).collect();
+        let s = samples(8);
+        let s = s.clone().with_triplets(TripletSamples::new(s.columns().to_vec(), pairs, triplets).unwrap()).unwrap();
+        let kept = |set: &TrainingSet| -> BTreeSet<String> {
+            set.triplets().unwrap().triplets().iter().map(|t| t.group.to_string()).collect()
+        };
+        let whole = TrainingSet::whole(&s);
+        assert_eq!(kept(&whole).len(), 9);
+        let all = [grouped_folds(&s, 4, 1), method_and_group_folds(&s, 4, 2), material_type_folds(&s)];
+        for fold in all.into_iter().flat_map(Result::unwrap) {
+            let held: BTreeSet<String> = groups_of(fold.held_out.rows()).into_iter().map(str::to_owned).collect();
+            let trained: BTreeSet<String> = groups_of(fold.training.rows()).into_iter().map(str::to_owned).collect();
+            let found = kept(&fold.training);
+            assert!(found.is_disjoint(&held) && found.contains("unrated"));
+            // Those of every group that is trained on, and of no other.
+            assert!(found.iter().all(|g| g == "unrated" || trained.contains(g)) && found.len() == trained.len() + 1);
+            assert!(fold.held_out.samples.triplets().is_none());
+            for inner in fold.training.inner_folds(2, 1).unwrap() {
+                let held: BTreeSet<String> = groups_of(inner.held_out.rows()).into_iter().map(str::to_owned).collect();
+                assert!(
+                    kept(&inner.training).is_disjoint(&held) && kept(&inner.training).is_disjoint(&kept_out(&fold))
+                );
+            }
+            assert_eq!(kept(&fold.training.with_swapped(0.1)), found);
+        }
+        assert_eq!(kept(&whole.filter(|row| row.group != "g3")).len(), 8);
+        let drawn = whole.resample_groups(1, 0);
+        let mut times: BTreeMap<&str, usize> = BTreeMap::new();
+        drawn.rows().iter().for_each(|r| *times.entry(&r.group).or_default() += 1);
+        for triplet in drawn.triplets().unwrap().triplets() {
+            let of_group = whole.rows().iter().filter(|r| *r.group == *triplet.group).count().max(1);
+            let expected = times.get(&*triplet.group).map_or(1, |n| n / of_group);
+            assert_eq!(triplet.votes, [3.0 * expected as f64, expected as f64], "{}", triplet.group);
+        }
+        assert_eq!(drawn.triplets().unwrap().triplets().len(), groups_of(drawn.rows()).len() + 1);
+    }
+
+    fn kept_out(fold: &Fold) -> BTreeSet<String> {
+        groups_of(fold.held_out.rows()).into_iter().map(str::to_owned).collect()
     }
 
     #[test]

@@ -146,8 +146,17 @@ impl KernelRidge {
     }
 }
 
+/// k'(a, b) of all pairs of a point and a landmark; of each are given rows x features, as they are and with every difference at zero.
+pub(super) fn centred(kernel: &Kernel, [z, z0]: [&Array2<f64>; 2], [b, b0]: [&Array2<f64>; 2]) -> Array2<f64> {
+    let features = z.ncols() as f64;
+    let radial = |a: &Array2<f64>, b: &Array2<f64>| distances(a.view(), b.view()).mapv(|d| kernel.radial(d, features));
+    let mut centred = radial(z, b) - radial(z, b0) - radial(z0, b) + radial(z0, b0);
+    centred.scaled_add(kernel.linear / features, &(z - z0).dot(&(b - b0).t()));
+    centred
+}
+
 /// Everything of the kernel matrix that does not depend on l.
-struct Distances {
+pub(super) struct Distances {
     features: f64,
     /// |a - b|, |a - b0| and |a0 - b0| of all pairs of rows.
     rows: Array2<f64>,
@@ -158,7 +167,7 @@ struct Distances {
 }
 
 impl Distances {
-    fn new(z: &Array2<f64>, z0: &Array2<f64>) -> Self {
+    pub(super) fn new(z: &Array2<f64>, z0: &Array2<f64>) -> Self {
         let differences = z - z0;
         Self {
             features: z.ncols() as f64,
@@ -170,7 +179,7 @@ impl Distances {
     }
 
     /// K' of all pairs of rows.
-    fn centred(&self, kernel: &Kernel) -> Array2<f64> {
+    pub(super) fn centred(&self, kernel: &Kernel) -> Array2<f64> {
         let radial = |distance: f64| kernel.radial(distance, self.features);
         let near = self.rows_to_identity.mapv(radial);
         let mut centred = self.rows.mapv(radial) + self.identity.mapv(radial);

@@ -21,6 +21,8 @@ pub mod lp_baseline;
 pub mod neural;
 #[cfg(feature = "train")]
 pub mod recipe;
+#[cfg(feature = "train")]
+pub mod residual;
 mod standardize;
 #[cfg(feature = "train")]
 pub mod svr;

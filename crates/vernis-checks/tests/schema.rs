@@ -69,7 +69,9 @@ fn terms(features: usize) -> Vec<Term> {
         standardizer: Standardizer {
             limit: 4.0,
             power: 0.7,
-            features: (0..features).map(|input| Feature { input, mean: 0.0, scale: 1.0, gain: 1.0, softening: 0.0 }).collect(),
+            features: (0..features)
+                .map(|input| Feature { input, mean: 0.0, scale: 1.0, gain: 1.0, softening: 0.0 })
+                .collect(),
         },
         function,
     })

@@ -37,7 +37,7 @@ pub struct FetchArgs {
 pub struct VerifyArgs {
     /// The study [default: all].
     study: Option<String>,
-    /// Treat a missing file as an error.
+    /// Treat a missing file as an error, unless the study loads without it.
     #[arg(long)]
     complete: bool,
 }
@@ -174,6 +174,7 @@ fn verify_study(manifest: &Manifest, data: &Path, complete: bool) -> Result<Veri
         bar.set_message(one_line(&file.path).into_owned());
         let checked = Checked::of(file, data, &mut |bytes| bar.inc(bytes));
         let state = match &checked.state {
+            FileState::Missing if file.optional => "missing, but optional: the study loads without it",
             FileState::Missing => "missing",
             FileState::AsPublished => "as published",
             FileState::Extract => "a part of the published file",
@@ -183,7 +184,7 @@ fn verify_study(manifest: &Manifest, data: &Path, complete: bool) -> Result<Veri
         bar.suspend(|| print(format!("  {:45} {state}\n", file.path)))?;
         failures.extend(checked.problem(file, data));
         here += usize::from(checked.state != FileState::Missing);
-        if complete && checked.state == FileState::Missing {
+        if complete && checked.state == FileState::Missing && !file.optional {
             failures.push(DatasetError::MissingFile {
                 study: manifest.name().into(),
                 path: data.join(&file.path),

@@ -67,6 +67,7 @@ fn study_text(study: &StudyStatus) -> String {
     }
     for file in &study.files {
         let state = match &file.state {
+            FileState::Missing if file.optional => "missing, but optional".to_owned(),
             FileState::Missing => "missing".to_owned(),
             FileState::AsPublished => "here, as published".to_owned(),
             FileState::Extract => "here, an extract of the published file".to_owned(),

@@ -9,9 +9,10 @@
 //!
 //!   P is the mean of Y over the nodes with theta_d < 30 deg, P_0 its value at theta_h = 0;
 //! * `cxexc`: ln(pi sum dtheta_h sin theta_h cos theta_h (x + sqrt(x^2 + c^2) - c) / 2 + 0.0001), x = P - F, c = 0.0001: the energy of the
-//!   highlight above the diffuse floor. Here P has the weight dtheta_d (sin theta_d cos theta_d + 0.0001), and the floor is the mean
+//!   highlight above the diffuse floor. Here P has the weight dtheta_d (sin theta_d cos theta_d + 0.0001), and the floor F is the soft
+//!   median of P along theta_h, which is P itself where P is level, and about P(45 deg) where it falls:
 //!
-//!     F = (mean of (P + f)^-6 over the nodes of theta_h)^(-1/6) - f,   f = 0.001,   which the lowest values rule.
+//!     sum dtheta_h tanh((ln(F + f) - ln(P + f)) / 0.05) = 0,   f = 0.001.
 //!
 //! dtheta_h is the share of 0 to 90 deg that is nearest to a node. Y is the luminance of the BRDF, 1/sr. Only sampled nodes
 //! count. Cost: a pass over the table.
@@ -33,9 +34,11 @@ const PROFILE_LIMIT: f64 = 30.0;
 const BLACK: f64 = 1e-5;
 const SHARPNESS: i32 = 6;
 const LEAST_WIDTH: f64 = 0.3;
-/// f, and the exponent of the mean that gives the diffuse floor.
+/// f, and the width of the step that counts what lies below the median.
 const DARK: f64 = 1e-3;
-const LOWNESS: f64 = 6.0;
+const BLUR: f64 = 0.05;
+/// Halvings that find the median to the last bit.
+const HALVINGS: usize = 64;
 /// c.
 const CORNER: f64 = 1e-4;
 const ENERGY_FLOOR: f64 = 1e-4;
@@ -126,9 +129,28 @@ impl Profile {
 
     /// F.
     fn floor(&self) -> f64 {
-        let top = self.rows.iter().map(|r| r.2 + DARK).fold(0.0, f64::max);
-        let powers: f64 = self.rows.iter().map(|r| ((r.2 + DARK) / top).powf(-LOWNESS)).sum();
-        top * (powers / self.rows.len() as f64).powf(-1.0 / LOWNESS) - DARK
+        let logs: Vec<f64> = self.rows.iter().map(|r| (r.2 + DARK).ln()).collect();
+        let mut low = logs.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut high = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            let balance: f64 = self.rows.iter().zip(&logs).map(|(r, l)| r.1 * ((middle - l) / BLUR).tanh()).sum();
+            if balance < 0.0 { low = middle } else { high = middle }
+        }
+        (0.5 * (low + high)).exp() - DARK
+    }
+
+    /// Adds to the slopes by the rows those that come through [`Profile::floor`], by the theorem on implicit functions.
+    fn add_floor_slopes(&self, floor: f64, by: f64, by_row: &mut [f64]) {
+        let share = |row: &(usize, f64, f64)| {
+            let steepness = ((floor + DARK) / (row.2 + DARK)).ln() / BLUR;
+            row.1 / steepness.cosh().powi(2)
+        };
+        let total: f64 = self.rows.iter().map(share).sum();
+        if total > 0.0 {
+            let by_log = by * (floor + DARK) / total;
+            by_row.iter_mut().zip(&self.rows).for_each(|(to, row)| *to += by_log * share(row) / (row.2 + DARK));
+        }
     }
 
     /// Solid-angle weight of row `k` in the energy.
@@ -158,10 +180,7 @@ impl Profile {
             by_row[k] += slope;
             by_floor -= slope;
         }
-        let share = by_floor / self.rows.len().max(1) as f64;
-        for (by, row) in by_row.iter_mut().zip(&self.rows) {
-            *by += share * ((floor + DARK) / (row.2 + DARK)).powf(LOWNESS + 1.0);
-        }
+        self.add_floor_slopes(floor, by_floor, by_row);
     }
 }
 

@@ -220,6 +220,35 @@ mod tests {
     }
 
     #[test]
+    fn slopes_are_those_of_central_differences() {
+        let table = NodeTable::sample(&Constant([0.1, 0.2, 0.4]), Sampling::Averages).unwrap();
+        let scaled = |step: f64| {
+            let value = |n: usize, v: &Rgb| -> Rgb {
+                std::array::from_fn(|c| v[c] * (1.0 + step * (n + c) as f64 / NODES as f64))
+            };
+            let values = table.values().iter().enumerate().map(|(n, v)| value(n, v)).collect();
+            NodeTable::from_parts(values, table.sampled().to_vec()).unwrap()
+        };
+        let first = Dense { inputs: 3, outputs: 2, weights: vec![1.0, 0.0, 0.3, -1.0, 2.0, 0.1], bias: vec![0.0, 0.2] };
+        let second = Dense { inputs: 2, outputs: 1, weights: vec![2.0, 0.7], bias: vec![0.0] };
+        for space in [LogSpace::Rgb, LogSpace::Opponent] {
+            for layers in [vec![], vec![first.clone(), second.clone()]] {
+                let embedding = Embedding::new(EmbeddingParts { space, layers, ..parts() }).unwrap();
+                let by: Vec<f64> = (0..embedding.dimension()).map(|k| 1.0 - 0.4 * k as f64).collect();
+                let value = |step: f64| -> f64 {
+                    embedding.coordinates(&scaled(step)).iter().zip(&by).map(|(z, by)| z * by).sum()
+                };
+                let slopes = embedding.transpose(&table, &by);
+                let along = scaled(1.0);
+                let moved = along.values().iter().flatten().zip(table.values().iter().flatten()).map(|(a, b)| a - b);
+                let found: f64 = moved.zip(slopes.iter().flatten()).map(|(d, by)| d * by).sum();
+                let expected = (value(1e-4) - value(-1e-4)) / 2e-4;
+                assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
     fn parts_that_do_not_fit_are_refused() {
         let short = EmbeddingParts { mean: vec![0.0; 3], ..parts() };
         assert!(matches!(Embedding::new(short), Err(DescriptorError::Embedding { found: 3, .. })));

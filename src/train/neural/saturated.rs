@@ -39,7 +39,7 @@ const STEPS: usize = 200;
 const RATE: f64 = 0.02;
 
 /// Options of the saturated distance.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct SaturatedDistance {
     /// Name of the trainer.
     pub name: String,

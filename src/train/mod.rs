@@ -7,6 +7,8 @@
 //! [`Regressor`], the part of an exported metric that was learned.
 
 #[cfg(feature = "train")]
+mod choices;
+#[cfg(feature = "train")]
 pub mod embedding;
 #[cfg(feature = "train")]
 pub mod embedding_folds;

@@ -19,6 +19,7 @@
 //! 3 (mos(r, a) - mos(r, b)), and Newton steps find the minimum. The triplets bring landmarks of their own, for their pairs are of
 //! different materials. Cost: n^2 for the kernel of n rows, n_m^3 for each family; half a second for 900 rows.
 
+use super::choices::Choices;
 use super::kernel::{Distances, centred};
 use super::landmarks::LowRank;
 use super::neural::SaturatedDistance;
@@ -37,11 +38,6 @@ use vernis_metric::metric::learned::{Function, Kernel, Regressor, Term};
 const TOLERANCE: f64 = 1e-7;
 /// Pairs of triplets that landmarks are drawn from, for each landmark.
 const CANDIDATES: usize = 4;
-/// Slope of the choice between two materials, per grade.
-const SLOPE: f64 = 3.0;
-/// Newton steps at most, and the change of the coefficients that is small enough.
-const STEPS: usize = 6;
-const CONVERGED: f64 = 1e-6;
 
 /// How triplets take part in the kernel model.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,6 +118,22 @@ struct Judged<'a> {
     mean: Vec<f64>,
 }
 
+impl Judged<'_> {
+    /// How the votes depend on the coefficients of the columns of `factor`, the pairs' rows.
+    fn choices(&self, factor: &Array2<f64>, mu: f64) -> Choices {
+        let place: BTreeMap<usize, usize> = self.pairs.iter().enumerate().map(|(i, &pair)| (pair, i)).collect();
+        let mut steps = Array2::zeros((self.triplets.len(), factor.ncols()));
+        let mut offsets = Vec::with_capacity(self.triplets.len());
+        for (triplet, mut row) in self.triplets.iter().zip(steps.outer_iter_mut()) {
+            let [a, b] = triplet.pairs.map(|pair| place[&pair]);
+            row += &factor.row(a);
+            row -= &factor.row(b);
+            offsets.push(self.mean[a] - self.mean[b]);
+        }
+        Choices { steps, offsets, votes: self.triplets.iter().map(|t| t.votes).collect(), mu }
+    }
+}
+
 impl ResidualKernel {
     fn check(&self) -> Result<(), TrainError> {
         let option =
@@ -189,7 +201,7 @@ impl ResidualKernel {
             let at_identity = z0.select(Axis(0), &low_rank.pivots);
             let kernel = centred(&self.kernel, [&judged.z, &judged.z0], [&landmarks, &at_identity]);
             let factor = low_rank.rows_of(kernel.view());
-            let problem = Choices::new(judged, &factor, task.mu / self.ridge);
+            let problem = judged.choices(&factor, task.mu / self.ridge);
             coefficients = problem.minimise(&normal, &right, coefficients).ok_or_else(singular)?;
         }
         Ok((low_rank, landmarks, coefficients))
@@ -267,83 +279,146 @@ impl ResidualKernel {
     }
 }
 
-/// The log losses of votes as a function of the coefficients.
-struct Choices {
-    /// Difference of the factor's rows of (r, a) and (r, b), triplets x columns.
-    steps: Array2<f64>,
-    /// Difference of p.
-    offsets: Vec<f64>,
-    votes: Vec<[f64; 2]>,
-    mu: f64,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Row;
+    use crate::samples::Samples;
+    use crate::samples::triplets::TripletSamples;
+    use rand::Rng;
+    use vernis_metric::descriptor::Role;
+    use vernis_metric::metric::learned::Radial;
 
-impl Choices {
-    fn new(judged: &Judged<'_>, factor: &Array2<f64>, mu: f64) -> Self {
-        let place: BTreeMap<usize, usize> = judged.pairs.iter().enumerate().map(|(i, &pair)| (pair, i)).collect();
-        let mut steps = Array2::zeros((judged.triplets.len(), factor.ncols()));
-        let mut offsets = Vec::with_capacity(judged.triplets.len());
-        for (triplet, mut row) in judged.triplets.iter().zip(steps.outer_iter_mut()) {
-            let [a, b] = triplet.pairs.map(|pair| place[&pair]);
-            row += &factor.row(a);
-            row -= &factor.row(b);
-            offsets.push(judged.mean[a] - judged.mean[b]);
-        }
-        Self { steps, offsets, votes: judged.triplets.iter().map(|t| t.votes).collect(), mu }
+    const COLUMNS: usize = 5;
+
+    fn columns() -> Vec<Column> {
+        let role = |i| if i < 4 { Role::Difference } else { Role::Context };
+        (0..COLUMNS).map(|i| Column { name: format!("c{i}"), family: "test".into(), role: role(i) }).collect()
     }
 
-    /// c^T N c / 2 - b.c + mu sum of log losses.
-    fn value(&self, normal: &Array2<f64>, right: &[f64], c: &[f64]) -> f64 {
-        let quadratic: f64 = normal.outer_iter().zip(c).map(|(row, c_i)| c_i * dot(&row.to_vec(), c)).sum();
-        let lost: f64 =
-            self.logits(c).zip(&self.votes).map(|(logit, [a, b])| a * log1p_exp(-logit) + b * log1p_exp(logit)).sum();
-        0.5 * quadratic - dot(right, c) + self.mu * lost
-    }
-
-    fn logits<'a>(&'a self, c: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        let chosen = move |(row, offset): (ndarray::ArrayView1<'_, f64>, &f64)| {
-            SLOPE * (offset + row.iter().zip(c).map(|(f, c)| f * c).sum::<f64>())
+    fn samples(n: usize) -> Samples {
+        let mut rng = seed::stream(2, "residual-test", 0);
+        let features = Array2::from_shape_fn((n, COLUMNS), |_| rng.random::<f64>() - 0.5);
+        let row = |i: usize| Row {
+            material: format!("m{}", i / 3),
+            group: format!("m{}", i / 3),
+            method: format!("a{}", i % 3),
+            method_family: format!("a{}", i % 3),
+            material_type: None,
+            mos: 4.0 - 2.0 * features[[i, 0]].abs() + 0.5 * features[[i, 1]] * features[[i, 4]],
+            weight: 0.5 + (i % 2) as f64,
         };
-        self.steps.outer_iter().zip(&self.offsets).map(chosen)
+        Samples::new(columns(), (0..n).map(row).collect(), features.clone()).unwrap()
     }
 
-    /// Newton steps from `c`, each halved until it lowers the value.
-    fn minimise(&self, normal: &Array2<f64>, right: &[f64], mut c: Vec<f64>) -> Option<Vec<f64>> {
-        let mut value = self.value(normal, right, &c);
-        for _ in 0..STEPS {
-            let (mut slope, mut curvature) = (vec![0.0; c.len()], self.steps.clone());
-            let logits: Vec<f64> = self.logits(&c).collect();
-            for ((logit, [a, b]), mut row) in logits.iter().zip(&self.votes).zip(curvature.outer_iter_mut()) {
-                let p = 1.0 / (1.0 + (-logit).exp());
-                let pull = self.mu * SLOPE * ((a + b) * p - a);
-                row.iter().zip(&mut slope).for_each(|(f, s)| *s += pull * f);
-                row *= (self.mu * (a + b) * p * (1.0 - p)).sqrt() * SLOPE;
-            }
-            for (i, row) in normal.outer_iter().enumerate() {
-                slope[i] += dot(&row.to_vec(), &c) - right[i];
-            }
-            let hessian = normal + &curvature.t().dot(&curvature);
-            let step = solve(hessian.view(), 0.0, &slope)?;
-            let mut share = 1.0;
-            let next = loop {
-                let next: Vec<f64> = c.iter().zip(&step).map(|(c, s)| c - share * s).collect();
-                let found = self.value(normal, right, &next);
-                if found <= value || share < 1e-3 {
-                    value = found.min(value);
-                    break next;
-                }
-                share *= 0.5;
-            };
-            let moved = step.iter().fold(0.0f64, |most, s| most.max(s.abs()));
-            c = next;
-            if moved < CONVERGED {
-                break;
-            }
+    fn with_triplets(samples: Samples) -> Samples {
+        let mut rng = seed::stream(3, "residual-test", 0);
+        let pairs = Array2::from_shape_fn((41, COLUMNS), |_| rng.random::<f32>() - 0.5);
+        let triplet = |i: usize| {
+            let nearer = pairs[(i, 2)].abs() < pairs[(i + 1, 2)].abs();
+            let votes = if nearer { [5.0, 0.0] } else { [0.0, 5.0] };
+            JudgedTriplet { pairs: [i, i + 1], votes, group: "unrated".into() }
+        };
+        let triplets = (0..40).map(triplet).collect();
+        samples.with_triplets(TripletSamples::new(columns(), pairs, triplets).unwrap()).unwrap()
+    }
+
+    fn trainer() -> ResidualKernel {
+        ResidualKernel {
+            name: "test".into(),
+            mean: None,
+            keep: |_| true,
+            kernel: Kernel { radial: Radial::Matern32, length: 1.7, linear: 0.2 },
+            ridge: 0.1,
+            tau: 0.3,
+            landmarks: 1000,
+            exchanged: 0.15,
+            triplets: None,
         }
-        Some(c)
     }
-}
 
-/// ln(1 + exp(x)) without overflow.
-fn log1p_exp(x: f64) -> f64 {
-    x.max(0.0) + (-x.abs()).exp().ln_1p()
+    fn distance() -> SaturatedDistance {
+        let columns = |all: &[Column]| (0..all.len()).filter(|&c| all[c].role == Role::Difference).collect();
+        SaturatedDistance { name: "distance".into(), columns, triplets: 0 }
+    }
+
+    #[test]
+    fn all_rows_as_landmarks_give_the_gaussian_process_with_deviations() {
+        let set = TrainingSet::whole(&samples(36));
+        let model = trainer().train(&set, 1).unwrap();
+        let data = Standardized::fit_smooth("test", &set, &|_| true).unwrap();
+        let k = Distances::new(&data.z, &data.z0).centred(&trainer().kernel);
+        // Rasmussen & Williams 2006, eq. 2.23, with the covariance of f alone between rows and predictions.
+        let (rows, weights) = (set.rows(), set.weights());
+        let covariance = Array2::from_shape_fn(k.raw_dim(), |(i, j)| {
+            let same = if rows[i].method_family == rows[j].method_family { 0.3 * k[[i, j]] } else { 0.0 };
+            k[[i, j]] + same + if i == j { 0.1 / weights[i] } else { 0.0 }
+        });
+        let y: Vec<f64> = set.mos().iter().map(|mos| mos - set.identical()).collect();
+        let a = solve(covariance.view(), 0.0, &y).unwrap();
+        for (i, predicted) in model.predict(set.features()).iter().enumerate() {
+            let direct = set.identical() + dot(&k.row(i).to_vec(), &a);
+            assert!((predicted - direct).abs() < 1e-5, "{predicted} {direct}");
+        }
+    }
+
+    #[test]
+    fn no_deviation_is_the_limit_of_a_small_one() {
+        let set = TrainingSet::whole(&samples(36));
+        let predict = |tau| ResidualKernel { tau, ..trainer() }.train(&set, 1).unwrap().predict(set.features());
+        let (none, small) = (predict(0.0), predict(1e-9));
+        assert!(none.iter().zip(&small).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
+    fn the_metric_adds_to_its_distance_and_is_exact_for_identical_brdfs() {
+        let set = TrainingSet::whole(&samples(36));
+        let whole = ResidualKernel { mean: Some(distance()), landmarks: 12, ..trainer() };
+        let model = whole.train(&set, 1).unwrap();
+        let regressor = model.regressor().unwrap();
+        assert_eq!(regressor.terms.len(), 2);
+        assert_eq!(regressor.terms[0], distance().fit(&set, 1).unwrap().terms[0]);
+        assert_eq!(regressor.predict(&[0.0, 0.0, 0.0, 0.0, 0.7]), set.identical());
+        assert!(regressor.weight_count() <= 12 + 4);
+    }
+
+    #[test]
+    fn triplets_bring_landmarks_and_are_agreed_with_more_often() {
+        let samples = with_triplets(samples(36));
+        let set = TrainingSet::whole(&samples);
+        let task = TripletTask { mu: 0.05, most: 100, landmarks: 8 };
+        let without = ResidualKernel { mean: Some(distance()), landmarks: 12, ..trainer() };
+        let with = ResidualKernel { triplets: Some(task), ..without.clone() };
+        let agreed = |trainer: &ResidualKernel| {
+            let model = trainer.train(&set, 1).unwrap();
+            let regressor = model.regressor().unwrap();
+            let all = samples.triplets().unwrap();
+            let chosen = all.triplets().iter().filter(|t| {
+                let [a, b] = t.pairs.map(|pair| regressor.predict(&all.pair(pair)));
+                (a > b) == (t.votes[0] > t.votes[1])
+            });
+            (chosen.count(), regressor.weight_count())
+        };
+        let ((before, few), (after, more)) = (agreed(&without), agreed(&with));
+        assert!(after > before + 3 && more == few + 8, "{before} {after} {few} {more}");
+        // Where the study has none, they change nothing.
+        let plain = TrainingSet::whole(&samples.clone().without_triplets());
+        let model = with.train(&plain, 1).unwrap();
+        assert_eq!(model.regressor(), without.train(&plain, 1).unwrap().regressor());
+    }
+
+    #[test]
+    fn refuses_impossible_options() {
+        let set = TrainingSet::whole(&samples(36));
+        let task = TripletTask { mu: 0.0, most: 1, landmarks: 1 };
+        for bad in [
+            ResidualKernel { landmarks: 0, ..trainer() },
+            ResidualKernel { ridge: 0.0, ..trainer() },
+            ResidualKernel { tau: -1.0, ..trainer() },
+            ResidualKernel { exchanged: f64::NAN, ..trainer() },
+            ResidualKernel { triplets: Some(task), ..trainer() },
+        ] {
+            assert!(matches!(bad.train(&set, 0), Err(TrainError::Option { .. })));
+        }
+    }
 }

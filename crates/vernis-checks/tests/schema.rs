@@ -5,10 +5,10 @@ use boon::{Compiler, SchemaIndex, Schemas};
 use serde_json::{Value, json};
 use std::sync::LazyLock;
 use vernis_metric::descriptor::embedding::{EmbeddingParts, INPUTS, LogSpace};
-use vernis_metric::descriptor::{DescriptorSet, Embedding, Family, Setup};
+use vernis_metric::descriptor::{DescriptorSet, Embedding, Family, Role, Setup};
 use vernis_metric::metric::learned::exported::{DataHash, Descriptors, Interval, Provenance, Reached};
 use vernis_metric::metric::learned::{
-    Activation, Dense, ExportedMetric, Feature, Function, Input, Kernel, Radial, Regressor, Standardizer, Term,
+    Activation, Clip, Dense, ExportedMetric, Feature, Function, Input, Kernel, Radial, Regressor, Standardizer, Term,
 };
 
 const SCHEMA: &str = include_str!("../../../docs/vernis-metric-file.schema.json");
@@ -69,8 +69,9 @@ fn terms(features: usize) -> Vec<Term> {
         standardizer: Standardizer {
             limit: 4.0,
             power: 0.7,
+            clip: Clip::Smooth,
             features: (0..features)
-                .map(|input| Feature { input, mean: 0.0, scale: 1.0, gain: 1.0, softening: 0.0 })
+                .map(|input| Feature { input, mean: 0.0, scale: 1.0, gain: 1.0, softening: 0.01 })
                 .collect(),
         },
         function,
@@ -83,7 +84,15 @@ fn terms(features: usize) -> Vec<Term> {
 fn small() -> Value {
     let set = DescriptorSet::new(vec![Family::Slot, Family::Context]).with_embedding(embedding());
     let inputs: Vec<Input> = set.columns().iter().map(Input::from).collect();
-    let regressor = Regressor { identity_mos: 4.5, terms: terms(inputs.len()), inputs };
+    let mut terms = terms(inputs.len());
+    let compared: Vec<usize> = (0..inputs.len()).filter(|&i| inputs[i].role == Role::Difference).collect();
+    let weights = vec![0.5; compared.len()];
+    terms.push(Term {
+        weight: 1.0,
+        standardizer: Standardizer::scaled(compared.into_iter().map(|input| (input, 2.0))),
+        function: Function::Saturated { weights, limit: 3.5 },
+    });
+    let regressor = Regressor { identity_mos: 4.5, terms, inputs };
     let provenance = Provenance {
         study: "test".into(),
         synthetic: true,
@@ -137,8 +146,8 @@ fn a_missing_key_is_refused_by_schema_and_reader() {
     let mut removed = 0;
     for at in places(&whole) {
         for key in whole.pointer(&at).unwrap().as_object().unwrap().keys() {
-            // Optional: without embeddings there are fewer columns, which only the reader can know.
-            if key == "embeddings" {
+            // Optional: without embeddings there are fewer columns, which only the reader can know; plain forms need no key.
+            if ["embeddings", "clip", "softening"].contains(&key.as_str()) {
                 continue;
             }
             let mut file = whole.clone();
@@ -172,7 +181,7 @@ fn schema_and_reader_refuse_the_same_unknown_keys() {
 /// One value of the small file, and one that is not allowed there.
 fn broken() -> Vec<(&'static str, Value)> {
     vec![
-        ("/format", json!(2)),
+        ("/format", json!(3)),
         ("/name", json!(7)),
         ("/name", json!("")),
         ("/name", json!("a\u{1b}]0;b")),
@@ -195,6 +204,9 @@ fn broken() -> Vec<(&'static str, Value)> {
         ("/regressor/terms/0/standardizer/limit", json!(0.0)),
         ("/regressor/terms/0/standardizer/limit", json!(1e300)),
         ("/regressor/terms/0/standardizer/power", json!(9)),
+        ("/regressor/terms/0/standardizer/clip", json!("round")),
+        ("/regressor/terms/0/standardizer/features/0/softening", json!(-0.1)),
+        ("/regressor/terms/0/standardizer/features/0/softening", json!(1e300)),
         ("/regressor/terms/0/standardizer/features/0/mean", json!(1e300)),
         ("/regressor/terms/0/standardizer/features/0/scale", json!(1e-300)),
         ("/regressor/terms/0/standardizer/features/0/gain", json!(1e300)),
@@ -220,6 +232,9 @@ fn broken() -> Vec<(&'static str, Value)> {
         ("/regressor/terms/4/function/members/0", json!([])),
         ("/regressor/terms/4/function/members/0/0/outputs", json!(0)),
         ("/regressor/terms/4/function/members/0/0/weights/0", Value::Null),
+        ("/regressor/terms/5/function/weights/0", json!(-0.1)),
+        ("/regressor/terms/5/function/limit", json!(0)),
+        ("/regressor/terms/5/function/limit", json!(1e300)),
         ("/members/0", json!([])),
         ("/interval/level", json!(2.0)),
         ("/interval/level", json!(0.0)),

@@ -271,6 +271,22 @@ impl Manifest {
         Ok(Self { rated, rebuilt })
     }
 
+    /// The same study with `candidates` in place of its own.
+    ///
+    /// # Errors
+    /// A study whose pairs are not rebuilt; a method that nobody rated.
+    pub fn with_candidates(mut self, candidates: Vec<Candidate>) -> Result<Self, DatasetError> {
+        let Some(rebuilt) = &mut self.rebuilt else {
+            return Err(manifest_error(
+                &self.rated.name,
+                "its candidates are not rebuilt, so none can be replaced".into(),
+            ));
+        };
+        rebuilt.candidates = candidates;
+        rebuilt.check(&self.rated)?;
+        Ok(self)
+    }
+
     /// Name of the study.
     pub fn name(&self) -> &str {
         self.rebuilt.as_ref().map_or(&self.rated.name, |m| &m.name)

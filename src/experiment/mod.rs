@@ -17,6 +17,8 @@ pub mod refit;
 pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;
+#[cfg(feature = "train")]
+pub mod trials;
 pub mod triplets;
 
 #[cfg(feature = "train")]
@@ -80,6 +82,8 @@ pub enum ExperimentError {
     NothingKept { folder: PathBuf, asked: usize },
     #[error("{study}: no rated pair is of a method that could be rebuilt in a known way; there must be at least one")]
     NoWay { study: String },
+    #[error("there is nothing to try for the method {method}: {reason}")]
+    NoTrial { method: String, reason: String },
     #[error(transparent)]
     Lock(Box<LockError>),
     #[error("the result cannot be written: {reason}")]

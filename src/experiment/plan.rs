@@ -439,6 +439,22 @@ mod tests {
     }
 
     #[test]
+    fn a_named_set_of_rows_must_have_some_rows_and_not_all() {
+        let rows: Vec<Row> = study(4, 8, 2).pairs.iter().map(RatedPair::row).collect();
+        let set = |name: &str, methods: &[&str]| NamedRows {
+            name: name.into(),
+            methods: methods.iter().map(|method| (*method).to_owned()).collect(),
+        };
+        let mut left_out = Vec::new();
+        let sets = vec![set("half", &["a0"]), set("whole", &["a0", "a1"]), set("absent", &["b"])];
+        assert_eq!(row_sets(sets, &rows, &mut left_out), [set("half", &["a0"])]);
+        assert_eq!(
+            left_out,
+            ["The figures on the rows of absent are left out: they would rest on 0 rows of 0 groups of materials."]
+        );
+    }
+
+    #[test]
     fn rows_that_are_set_aside_must_leave_something() {
         let mut all = study(4, 8, 2);
         all.pairs.iter_mut().for_each(|pair| pair.method_family = "BAGHER".into());

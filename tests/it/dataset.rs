@@ -189,6 +189,19 @@ fn ratings_of_a_folder_become_the_open_study() {
 }
 
 #[test]
+fn candidates_of_a_study_can_be_replaced_where_it_is_rebuilt() {
+    let one = |method: &str| {
+        vec![vernis::dataset::manifest::Candidate { method: method.into(), source: "fits/{material}.json".into() }]
+    };
+    let load = |name: &str, method: &str| message(Study::load_rebuilt(name, one(method), None));
+    assert!(load("lavoue2021", "WARD-OURS").contains("its candidates are not rebuilt"));
+    assert!(load("lavoue2021-open", "WARD-MINE").contains("lavoue2021 has no method WARD-MINE"));
+    assert!(load("lavoue2021-opne", "WARD-OURS").contains("did you mean lavoue2021-open"));
+    // What is wrong with method and study is said before the data folder is missed.
+    assert!(load("lavoue2021-open", "WARD-OURS").contains("PerceptualDistances.csv"));
+}
+
+#[test]
 fn the_embedded_study_needs_nothing_and_splits_without_leaks() {
     let study = Study::load("synthetic", None).unwrap();
     assert!(study.synthetic);

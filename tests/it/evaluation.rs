@@ -5,7 +5,7 @@ use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand::seq::SliceRandom;
 use std::collections::HashMap;
-use vernis::dataset::Row;
+use vernis::dataset::{NamedRows, Row};
 use vernis::descriptor::{Column, Role};
 use vernis::evaluation::EvaluationError;
 use vernis::evaluation::agreement::{Agreement, Figure, FoldMeans, Ratings};
@@ -259,7 +259,15 @@ fn judged_metrics_differ_as_they_should() {
     let samples = study();
     let by_material = grouped_folds(&samples, 5, 1).unwrap();
     let by_method = method_and_group_folds(&samples, 5, 1).unwrap();
-    let jury = Jury::new(samples.rows(), |r| r.method_family == "BAGHER", &[], 400, 3).unwrap();
+    let named = |name: &str, methods: &[&str]| NamedRows {
+        name: name.into(),
+        methods: methods.iter().map(|method| (*method).to_owned()).collect(),
+    };
+    // A set of no row, and one of all, are no sets.
+    let mut methods: Vec<&str> = samples.rows().iter().map(|row| row.method.as_str()).collect();
+    let sets = [named("near copies", &["BAGHER"]), named("none", &["ABC-OURS"]), named("whole", &methods)];
+    methods.retain(|method| *method == "BAGHER");
+    let jury = Jury::new(samples.rows(), |r| r.method_family == "BAGHER", &sets, 400, 3).unwrap();
     let judge = |name: &str| {
         let material = cross_validate_distance(&samples, &by_material, name).unwrap();
         let method = cross_validate_distance(&samples, &by_method, name).unwrap();
@@ -275,6 +283,8 @@ fn judged_metrics_differ_as_they_should() {
     let kept = good.judgement(Split::UnseenMaterial, RowSet::WithoutSetAside).unwrap();
     let fitted = good.judgement(Split::InSample, RowSet::All).unwrap();
     assert_eq!((all.rows, kept.rows, good.folds.len()), (240, 200, 5));
+    let near = good.judgement(Split::UnseenMaterialAndMethod, RowSet::Named("near copies".into())).unwrap();
+    assert_eq!((near.rows, methods.len(), good.judgements.len()), (40, 40, 3 * 3));
     assert!(fitted.agreement.plcc >= all.agreement.plcc && fitted.agreement.rmse <= all.agreement.rmse);
     // A distance needs no training: its own order is the same however the rows are split.
     assert_eq!(fitted.agreement.srocc, all.agreement.srocc);
@@ -284,8 +294,9 @@ fn judged_metrics_differ_as_they_should() {
 
     let figures = [Figure::Plcc, Figure::Srocc, Figure::Rmse];
     let found = jury.differences(&metrics, &[("good", "poor"), ("good", "good")], &figures).unwrap();
-    // Two pairs, three splits that were judged, with and without the rows set aside.
-    assert_eq!(found.len(), 2 * figures.len() * 3 * 2);
+    // Two pairs, three splits that were judged, with and without the rows set aside, and on them.
+    assert_eq!(found.len(), 2 * figures.len() * 3 * 3);
+    let found: Vec<_> = found.into_iter().filter(|d| !matches!(d.row_set, RowSet::Named(_))).collect();
     for record in &found {
         assert!(record.holm_p >= record.paired.p);
         if record.b == "good" {

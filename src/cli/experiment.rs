@@ -1,6 +1,7 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
 use super::claims::{self, NoiseArgs, TripletsArgs};
+use super::landscape::{self, LandscapeArgs};
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
@@ -34,6 +35,8 @@ enum Question {
     Noise(NoiseArgs),
     /// Do metrics agree with people on which of two materials looks more like a third?
     Triplets(TripletsArgs),
+    /// How do metrics follow one parameter of a material?
+    Landscape(LandscapeArgs),
 }
 
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
@@ -90,6 +93,7 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
         Question::Rebuilt(args) => run_rebuilt(shared, &args),
         Question::Noise(args) => claims::noise(shared, &args),
         Question::Triplets(args) => claims::triplets(shared, &args),
+        Question::Landscape(args) => landscape::run(shared, &args),
     }
 }
 

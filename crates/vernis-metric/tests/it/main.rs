@@ -5,6 +5,7 @@ mod descriptor;
 mod fit;
 mod golden;
 mod graph;
+mod learned_gradient;
 mod lp;
 mod lp_golden;
 mod naive_lp;

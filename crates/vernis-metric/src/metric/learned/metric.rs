@@ -26,8 +26,12 @@ const MOST_BYTES: u64 = 256 << 20;
 /// Layout of the directions that descriptors of version 2 look at: theta_h, theta_d, phi_d.
 const NODES: &str = "half-difference-averages-57x16x20";
 
-/// The text of the metric that comes with the library.
-const SHIPPED: &str = include_str!("vernis.vernis.json");
+/// The texts of the metrics that come with the library, under their names there.
+const SHIPPED: [(&str, &str); 3] = [
+    ("vernis", include_str!("vernis.vernis.json")),
+    ("vernis-loss", include_str!("vernis-loss.vernis.json")),
+    ("vernis-1", include_str!("vernis-1.vernis.json")),
+];
 
 /// An exported metric and what computes its descriptors.
 #[derive(Debug, Clone)]
@@ -67,7 +71,18 @@ impl LearnedMetric {
 
     /// The metric `vernis` that comes with the library, trained on the open part of the study of Lavoué et al. 2021.
     pub fn shipped() -> Result<Self, ExportedError> {
-        Self::parse(SHIPPED, "the embedded metric", &DescriptorOptions::default())
+        Self::embedded(SHIPPED[0])
+    }
+
+    /// The metrics that come with the library: [`LearnedMetric::shipped`]; `vernis-loss`, the metric to fit with, which is the distance
+    /// that `vernis` begins with; and `vernis-1`, version 1 of `vernis`, whose scores stand in older reports.
+    pub fn all_shipped() -> Result<Vec<Self>, ExportedError> {
+        SHIPPED.map(Self::embedded).into_iter().collect()
+    }
+
+    fn embedded((name, text): (&str, &str)) -> Result<Self, ExportedError> {
+        let metric = Self::parse(text, &format!("the embedded metric {name}"), &DescriptorOptions::default())?;
+        Ok(if metric.exported.name == name { metric } else { metric.renamed(name.to_owned()) })
     }
 
     fn parse(text: &str, file: &str, options: &DescriptorOptions) -> Result<Self, ExportedError> {

@@ -30,7 +30,7 @@ use crate::samples::triplets::JudgedTriplet;
 use ndarray::{Array2, Axis, concatenate};
 use std::collections::{BTreeMap, BTreeSet};
 use vernis_metric::descriptor::Column;
-use vernis_metric::math::cholesky::{Cholesky, dot, solve};
+use vernis_metric::math::cholesky::{Cholesky, solve};
 use vernis_metric::math::seed;
 use vernis_metric::metric::learned::{Function, Kernel, Regressor, Term};
 
@@ -287,6 +287,7 @@ mod tests {
     use crate::samples::triplets::TripletSamples;
     use rand::Rng;
     use vernis_metric::descriptor::Role;
+    use vernis_metric::math::cholesky::dot;
     use vernis_metric::metric::learned::Radial;
 
     const COLUMNS: usize = 5;

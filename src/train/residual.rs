@@ -287,6 +287,7 @@ mod tests {
     use crate::samples::triplets::TripletSamples;
     use rand::Rng;
     use vernis_metric::descriptor::Role;
+    use vernis_metric::math::cholesky::dot;
     use vernis_metric::metric::learned::Radial;
 
     const COLUMNS: usize = 5;

@@ -33,6 +33,7 @@ fn pinned() -> PinnedFile {
         sha256: ContentHash::of(&content()).to_string(),
         licence: "none".into(),
         extract_allowed: false,
+        optional: false,
     }
 }
 

@@ -4,6 +4,7 @@ mod brdf;
 mod descriptor;
 mod fit;
 mod golden;
+mod gradient;
 mod graph;
 mod lp;
 mod lp_golden;

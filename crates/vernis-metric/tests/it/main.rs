@@ -4,6 +4,7 @@ mod brdf;
 mod descriptor;
 mod fit;
 mod golden;
+mod gradient;
 mod graph;
 mod learned_gradient;
 mod lp;

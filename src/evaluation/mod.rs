@@ -14,6 +14,7 @@ pub mod importance;
 pub mod protocol;
 pub mod records;
 mod scale;
+pub mod triplets;
 
 use crate::samples::SamplesError;
 use crate::samples::split::SplitError;

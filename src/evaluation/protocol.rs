@@ -18,6 +18,7 @@ use super::records::{
     AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
     MethodResidual, MetricKind, MetricRecord, PredictionRecord, Split,
 };
+use super::triplets::{TripletAgreement, cross_validate_triplets};
 use crate::dataset::{NamedRows, Row};
 use crate::samples::Samples;
 use crate::samples::split::{Fold, grouped_folds, material_type_folds, method_and_group_folds};
@@ -166,6 +167,19 @@ impl Bench {
         let (kind, note) = (contender.kind, contender.note.clone());
         self.judged.push(JudgedMetric { name: name.to_owned(), kind, note, judged, folds });
         Ok(failed)
+    }
+
+    /// How what `trainer` learns agrees with triplets whose reference, or a sister of it, it has not seen; `None` without triplets.
+    ///
+    /// # Errors
+    /// A fold on which nothing can be learned.
+    pub fn triplets(
+        &self,
+        trainer: &dyn Trainer,
+        samples: &Samples,
+    ) -> Result<Option<TripletAgreement>, EvaluationError> {
+        let Some(folds) = self.folds(samples, Split::UnseenMaterial)? else { return Ok(None) };
+        cross_validate_triplets(samples, &folds, trainer, self.protocol.resamples, self.protocol.seed)
     }
 
     /// Whether a metric was judged.

@@ -5,6 +5,7 @@ use super::bootstrap::{Difference, Interval};
 use super::calibration::Calibration;
 use super::cross_validation::FoldRecord;
 use super::dependent::DependentCorrelations;
+use super::triplets::TripletAgreement;
 use crate::dataset::{Identical, NamedRows};
 use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
@@ -365,6 +366,10 @@ pub struct BenchmarkRecord {
     pub method_residuals: Vec<MethodResidual>,
     /// How well the intervals of the scores hold.
     pub calibration: Option<Calibration>,
+    /// Agreement of the exported metrics, and of those that learn from triplets otherwise, with triplets whose reference they have not
+    /// seen. Empty where the study has no triplets, and in records of before they were judged.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub triplets: Vec<TripletAgreement>,
     /// Predictions by rated pair.
     pub predictions: Vec<PredictionRecord>,
     /// What was tried and did not help, one line each.

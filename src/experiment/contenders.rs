@@ -131,6 +131,17 @@ pub fn measure(
     }
     let (interval, calibration) = of_name.unzip();
     let loss_interval = of_loss.map(|(interval, _)| interval);
+    let mut judged_triplets = Vec::new();
+    if taken.triplets().is_some() {
+        stage("triplets of unseen references");
+        let on_triplets = metrics.iter().chain(&variants).map(|(trainer, _)| trainer.as_ref());
+        for trainer in on_triplets.filter(|trainer| bench.has(trainer.name())) {
+            match bench.triplets(trainer, &taken) {
+                Ok(found) => judged_triplets.extend(found),
+                Err(error) => keep(&format!("The agreement of {} with triplets", trainer.name()), error),
+            }
+        }
+    }
     let mut curves = Vec::new();
     let of_graphs = graphs.columns().iter().map(|column| (&graphs, column.name.as_str()));
     let of_external = external.iter().flat_map(|s| s.columns().iter().map(move |column| (s, column.name.as_str())));
@@ -185,6 +196,7 @@ pub fn measure(
         residuals: if subject.is_empty() { Vec::new() } else { bench.residuals(&subject)? },
         method_residuals: bench.method_residuals(&subject),
         calibration,
+        triplets: judged_triplets,
         predictions: bench.prediction_records(&headline),
         headline,
         left_out,

@@ -304,6 +304,24 @@ pub fn method_residuals(record: &BenchmarkRecord) -> Table {
     table
 }
 
+/// Agreement with triplets whose reference was not seen.
+pub fn triplets(record: &BenchmarkRecord) -> Table {
+    let judged = record.triplets.first().map_or(String::new(), |found| {
+        format!(" ({} of {})", counted(found.triplets, "triplet"), counted(found.groups, "group of references"))
+    });
+    let mut table = Table::new(
+        format!(
+            "Share of majorities that a metric chooses{judged}: which of two materials looks more like a reference it has not seen"
+        ),
+        &["metric", "share [95 % interval by reference]"],
+    );
+    for found in &record.triplets {
+        let range = found.interval.map_or(String::new(), |i| format!(" [{:.3}, {:.3}]", i.low, i.high));
+        table.rows.push(vec![found.metric.clone(), format!("{:.3}{range}", found.majority)]);
+    }
+    table
+}
+
 /// What a run has to say where its metric, on unseen materials, agrees less well than one that was not learned: a sentence for its
 /// last lines. `None` where nothing is better by either correlation.
 pub fn defeat(record: &BenchmarkRecord) -> Option<String> {

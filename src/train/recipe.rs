@@ -175,10 +175,11 @@ pub fn metric() -> ResidualKernel {
     }
 }
 
-/// One member: a single distance. Landmark weights are linear in the ratings, so those of a few resampled kernel models
+/// One member: a single distance, which learns from ratings alone, for the spread is to tell how much a prediction depends on which
+/// materials happened to be rated. Landmark weights are linear in the ratings, so those of a few resampled kernel models
 /// together would give the ratings back; sixty weights that are not negative do not.
 pub fn member() -> SaturatedDistance {
-    SaturatedDistance { name: "member".to_owned(), ..distance() }
+    SaturatedDistance { name: "member".to_owned(), triplets: 0, ..distance() }
 }
 
 /// The metric with one part changed, and what it shows: what each part is worth.

@@ -12,6 +12,7 @@ use vernis::evaluation::agreement::Figure;
 use vernis::evaluation::benchmark::{Judged, JudgedMetric, Jury, prediction_records, residuals_by_material};
 use vernis::evaluation::bootstrap::Interval;
 use vernis::evaluation::calibration::Calibration;
+use vernis::evaluation::triplets::TripletAgreement;
 use vernis::evaluation::cross_validation::{cross_validate_distance, in_sample};
 use vernis::evaluation::records::{
     BenchmarkRecord, CurvePoint, CurveRecord, ImportanceRecord, LearningPoint, MetricKind, RowSet, Split,
@@ -23,6 +24,11 @@ use vernis::samples::Samples;
 use vernis::samples::split::{grouped_folds, method_and_group_folds};
 
 const METHODS: [&str; 6] = ["ABC", "BAGHER", "BLINN-PHONG", "LAFORTUNE", "SGD", "WARD"];
+
+fn triplets(metric: &str, majority: f64) -> TripletAgreement {
+    let interval = Some(Interval { low: majority - 0.02, high: majority + 0.02 });
+    TripletAgreement { metric: metric.to_owned(), triplets: 1234, groups: 79, majority, interval }
+}
 
 /// Made-up ratings of 60 materials and distances that follow them, from well to badly.
 fn samples(columns: &[(String, f64)]) -> Samples {
@@ -154,6 +160,7 @@ fn make_record() -> BenchmarkRecord {
         residuals: residuals_by_material(samples.rows(), &subject),
         method_residuals: jury.residuals_by_method(&subject, Split::UnseenMaterial),
         calibration: Some(Calibration::of(&mos, &intervals, 0.95).unwrap()),
+        triplets: vec![triplets("vernis", 0.761), triplets("vernis-loss", 0.802)],
         predictions: prediction_records(samples.rows(), &[("vernis", &subject)]),
         did_not_help: vec!["Colour ratios < one by one: they are noise.".into()],
         left_out: vec!["The split by <type> is left out.".into()],
@@ -361,6 +368,7 @@ fn an_empty_benchmark_still_has_a_page() {
         residuals: vec![],
         method_residuals: vec![],
         calibration: None,
+        triplets: vec![],
         predictions: vec![],
         ..record(false)
     };

@@ -127,6 +127,7 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
         ("What more materials would bring", tables::learning_curve(record)),
         ("Where it is wrong", tables::residuals(record, MOST_RESIDUALS)),
         ("Which methods it misjudges", tables::method_residuals(record)),
+        ("Triplets of materials", tables::triplets(record)),
     ]
     .into_iter()
     .filter(|(_, table)| !table.rows.is_empty())
@@ -135,9 +136,17 @@ fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
 
 fn calibration(record: &BenchmarkRecord) -> Option<String> {
     let found = record.calibration?;
+    let unseen_method = found.unseen_method.map_or(String::new(), |unseen| {
+        format!(
+            " Where the method was not seen either, they contained {:.1} % of {}, with a mean width of {} MOS.",
+            100.0 * unseen.covered,
+            counted(unseen.rows, "rating"),
+            record.scale.show(unseen.mean_width)
+        )
+    });
     Some(format!(
         "Intervals with a nominal coverage of {:.0} % contained {:.1} % of {}; {:.1} % lay below and {:.1} % above. \
-         Their mean width is {} MOS.",
+         Their mean width is {} MOS.{unseen_method}",
         100.0 * found.nominal,
         100.0 * found.covered,
         counted(found.rows, "held-out rating"),

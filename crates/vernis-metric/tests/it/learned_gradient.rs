@@ -65,8 +65,16 @@ fn published() -> Vec<(Arc<dyn Brdf>, Arc<dyn Brdf>)> {
         BrdfSource::parse(&notation).expect("a notation").open(Some(&data)).expect("is there").brdf
     };
     let materials = [
-        "chrome", "gold-metallic-paint", "red-plastic", "white-fabric", "blue-acrylic", "pearl-paint", "black-obsidian",
-        "pink-felt", "nickel", "violet-rubber",
+        "chrome",
+        "gold-metallic-paint",
+        "red-plastic",
+        "white-fabric",
+        "blue-acrylic",
+        "pearl-paint",
+        "black-obsidian",
+        "pink-felt",
+        "nickel",
+        "violet-rubber",
     ];
     let pairs = materials.iter().flat_map(|material| {
         let reference = open(format!("nbrdf/merl_nbrdf.zip:{material}"));
@@ -77,13 +85,7 @@ fn published() -> Vec<(Arc<dyn Brdf>, Arc<dyn Brdf>)> {
 }
 
 /// Compares the derivatives of `value` at `values` with central differences along random directions.
-fn check(
-    what: &str,
-    pair: usize,
-    values: &[Rgb],
-    found: &Gradient,
-    value: &dyn Fn(&[Rgb]) -> f64,
-) {
+fn check(what: &str, pair: usize, values: &[Rgb], found: &Gradient, value: &dyn Fn(&[Rgb]) -> f64) {
     let mut random = seed::stream(1, what, pair as u64);
     for direction in 0..DIRECTIONS {
         let direction_of: Vec<Rgb> =
@@ -160,12 +162,15 @@ fn wrong_values_are_typed_errors() {
         let prepared = metric(name).prepare(&*reference).expect("a reference");
         let mut values = prepared.nodes().expect("nodes").evaluate(&*candidate);
         let short = &values[1..];
-        let count = |e: MetricError| matches!(e, MetricError::ValueCount { found, expected, .. } if found + 1 == expected);
+        let count =
+            |e: MetricError| matches!(e, MetricError::ValueCount { found, expected, .. } if found + 1 == expected);
         assert!(count(prepared.distance_at(short).unwrap_err()) && count(prepared.gradient_at(short).unwrap_err()));
         for wrong in [f64::NAN, f64::INFINITY, -0.1] {
             values[7][1] = wrong;
             let node = |e: MetricError| matches!(e, MetricError::NodeValue { node: 7, channel: 1, .. });
-            assert!(node(prepared.distance_at(&values).unwrap_err()) && node(prepared.gradient_at(&values).unwrap_err()));
+            assert!(
+                node(prepared.distance_at(&values).unwrap_err()) && node(prepared.gradient_at(&values).unwrap_err())
+            );
         }
     }
 }
@@ -187,7 +192,8 @@ fn the_metric_to_fit_with_is_a_metric() {
     let metric = metric("vernis-loss");
     assert!(metric.properties().symmetric && !metric.properties().rough);
     let all: Vec<Arc<dyn Brdf>> = models().into_iter().take(8).flat_map(|(a, b)| [a, b]).collect();
-    let prepared: Vec<Box<dyn PreparedMetric>> = all.iter().map(|a| metric.prepare(&**a).expect("a reference")).collect();
+    let prepared: Vec<Box<dyn PreparedMetric>> =
+        all.iter().map(|a| metric.prepare(&**a).expect("a reference")).collect();
     let distances: Vec<Vec<f64>> =
         prepared.iter().map(|p| all.iter().map(|b| p.distance(&**b).expect("a distance")).collect()).collect();
     for (i, row) in distances.iter().enumerate() {

@@ -174,10 +174,10 @@ impl Profile {
     fn add_excess_slopes(&self, by: f64, by_row: &mut [f64]) {
         let floor = self.floor();
         let mut by_floor = 0.0;
-        for k in 0..self.rows.len() {
-            let x = self.rows[k].2 - floor;
+        for (k, (row, to)) in self.rows.iter().zip(&mut *by_row).enumerate() {
+            let x = row.2 - floor;
             let slope = by * self.measure(k) * 0.5 * (1.0 + x / x.hypot(CORNER));
-            by_row[k] += slope;
+            *to += slope;
             by_floor -= slope;
         }
         self.add_floor_slopes(floor, by_floor, by_row);

@@ -2,6 +2,7 @@
 
 mod brdf;
 mod descriptor;
+mod descriptor_v2;
 mod fit;
 mod golden;
 mod gradient;

@@ -21,6 +21,7 @@ A BRDF is written as
   FILE.fit:MATERIAL[?KEY=VALUE&...]               a published fit, with overrides
   npf.bin:MATERIAL                                tabulated factors
   MODEL.json[?KEY=VALUE&...]                      a model and its parameters
+  SOURCE?fit=dupuy                                what any of these gives without a search: dupuy, dupuy-ggx or dupuy-beckmann
 
 Examples:
   vernis compare alum-bronze.binary ward.json

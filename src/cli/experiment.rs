@@ -1,6 +1,7 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
 use super::claims::{self, NoiseArgs, TripletsArgs};
+use super::landscape::{self, LandscapeArgs};
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
@@ -12,8 +13,10 @@ use vernis::dataset::{Study, manifest};
 use vernis::experiment::BenchmarkOptions;
 use vernis::experiment::losses::{Found, LossesOptions, losses};
 use vernis::experiment::plan::Plan;
-use vernis::experiment::rebuilt::{RebuiltOptions, hypotheses, rebuilt};
+use vernis::experiment::rebuilt::{RebuiltOptions, Way, hypotheses, rebuilt};
+use vernis::experiment::trials::{self, TrialOptions};
 use vernis::report;
+use vernis_metric::metric::registry::Registry;
 
 /// Experiments.
 #[derive(Args)]
@@ -32,6 +35,8 @@ enum Question {
     Noise(NoiseArgs),
     /// Do metrics agree with people on which of two materials looks more like a third?
     Triplets(TripletsArgs),
+    /// How do metrics follow one parameter of a material?
+    Landscape(LandscapeArgs),
 }
 
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
@@ -88,6 +93,7 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
         Question::Rebuilt(args) => run_rebuilt(shared, &args),
         Question::Noise(args) => claims::noise(shared, &args),
         Question::Triplets(args) => claims::triplets(shared, &args),
+        Question::Landscape(args) => landscape::run(shared, &args),
     }
 }
 
@@ -162,15 +168,27 @@ fn command_line(args: &LossesArgs, study: &Study, options: &LossesOptions) -> St
 #[derive(Args)]
 #[command(after_help = "\
 The study is `lavoue2021-open`, whose candidates are reconstructions. The experiment covers ABC (index of refraction), WARD
-(form of the lobe) and BAGHER, and then the metric's agreement without the rows of ABC and WARD. On two cores it takes about
-five minutes.
+(form of the lobe), BAGHER, and the family of DUPUY, GGX and BECKMAN, and then the metric's agreement without the rows of the methods
+whose candidates were chosen with ratings. On two cores it takes about ten minutes.
 
-Example:
-  vernis experiment rebuilt --data ~/brdf-data --out out/rebuilt")]
+--refit takes a method that the study does not rebuild: ABC-OURS, BLINN-PHONG-OURS, LAFORTUNE-OURS, WARD-OURS, CHEBYCHEV or LEGENDRE. Its
+model is fitted to every reference, in each way that the paper leaves open, and the judge is asked about the fits; nothing learns from
+them. Each fit becomes a file in OUT/fits; after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues. A fit
+takes a second or two.
+
+Examples:
+  vernis experiment rebuilt --data ~/brdf-data --out out/rebuilt
+  vernis experiment rebuilt --data ~/brdf-data --out out/rebuilt --refit WARD-OURS --refit BLINN-PHONG-OURS")]
 pub struct RebuiltArgs {
     /// Folder to write to.
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
+    /// Judge fits of this method as well, made now; may be given several times.
+    #[arg(long, value_name = "METHOD")]
+    refit: Vec<String>,
+    /// Cells of D4.Cl per cell of the search of such fits, along each axis, 1 to 15.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = limits::integer(1..=15_usize))]
+    coarsening: usize,
     /// Cross-validation folds, by material: 2 to the number of groups of materials.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
     folds: usize,
@@ -200,11 +218,16 @@ fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
         seed: args.seed,
     };
     let bar = Bar::new();
-    let found = rebuilt(&study, &hypotheses(), &options, &|stage, progress| bar.update(stage, progress));
+    let refits = refits(shared, args, &study, &bar)?;
+    let found = rebuilt(&study, &hypotheses(), &refits, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let record = found.map_err(workspace::experiment_error)?;
-    let command =
-        format!("vernis experiment rebuilt --folds {} --resamples {} --seed {}", args.folds, args.resamples, args.seed);
+    let asked: String = args.refit.iter().map(|method| format!(" --refit {method}")).collect();
+    let coarsening = if asked.is_empty() { String::new() } else { format!(" --coarsening {}", args.coarsening) };
+    let command = format!(
+        "vernis experiment rebuilt{asked}{coarsening} --folds {} --resamples {} --seed {}",
+        args.folds, args.resamples, args.seed
+    );
     let path = folder.write("report.md", report::rebuilt::markdown(&record, &command).as_bytes())?;
     let json = format!("{}\n", serde_json::to_string_pretty(&record)?);
     folder.write("rebuilt.json", json.as_bytes())?;
@@ -212,4 +235,30 @@ fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
         return print(json);
     }
     print(format!("{}report: {}\n", report::rebuilt::text(&record), path.display()))
+}
+
+/// The fits that `--refit` asks for.
+fn refits(shared: &Shared, args: &RebuiltArgs, study: &Study, bar: &Bar) -> Result<Vec<Way>> {
+    let asked = trials::trials_of(&args.refit).map_err(|e| user_error(format!("--refit: {e}")))?;
+    if asked.is_empty() {
+        return Ok(Vec::new());
+    }
+    signals::resumable(
+        bar,
+        format!("the fits that are finished are kept in {}; the same command continues from there", args.out.display()),
+    )?;
+    let options = TrialOptions {
+        data: shared.data.clone(),
+        folder: args.out.join("fits"),
+        metric: Registry::standard()?.get("D4.Cl")?,
+        coarsening: args.coarsening,
+    };
+    let mut ways = Vec::new();
+    for trial in &asked {
+        let tried = trials::make(study, trial, &options, &|stage, progress| bar.update(stage, progress));
+        let tried = tried.map_err(workspace::experiment_error)?;
+        workspace::warn(&tried.warnings);
+        ways.push(tried.way);
+    }
+    Ok(ways)
 }

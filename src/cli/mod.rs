@@ -15,6 +15,8 @@ mod experiment;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+#[cfg(feature = "train")]
+mod landscape;
 mod limits;
 mod manifold;
 mod metrics;

@@ -63,7 +63,8 @@ pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
         &bar,
         format!("the fits that are finished are kept in {}; the same command continues from there", args.out.display()),
     )?;
-    let options = RefitOptions { data: shared.data.clone(), folder: args.out.clone(), metric, methods, coarsening };
+    let (data, folder_of_fits) = (shared.data.clone(), args.out.clone());
+    let options = RefitOptions { data, folder: folder_of_fits, metric, methods, coarsening, plain_start: false };
     let all = refit(&study, &options, &|stage, progress| bar.update(stage, progress));
     bar.finish();
     let all = all.map_err(fit::named)?;

@@ -150,7 +150,8 @@ fn summary(record: &BenchmarkRecord, json: bool) -> Result<()> {
         defeat.into_iter().for_each(note);
         return print(format!("{}\n", serde_json::to_string_pretty(record)?));
     }
-    let mut text = tables::headline(record).to_text();
+    let tables: Vec<String> = tables::headlines(record).iter().map(tables::Table::to_text).collect();
+    let mut text = tables.join("\n");
     text.extend(defeat.map(|defeat| defeat + "\n"));
     if record.synthetic {
         text += "SYNTHETIC: these ratings come from simulated observers and say nothing about people.\n";

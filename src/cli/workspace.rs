@@ -151,7 +151,7 @@ pub fn warm_up(shared: &Shared, metrics: &[Arc<dyn Metric>]) -> Result<()> {
 pub fn experiment_error(error: ExperimentError) -> anyhow::Error {
     match error {
         ExperimentError::Study(_) | ExperimentError::Extraction(_) | ExperimentError::Open(_) => user_error(error),
-        ExperimentError::Unsupported { .. } => user_error(error),
+        ExperimentError::Unsupported { .. } | ExperimentError::Setting { .. } => user_error(error),
         ExperimentError::Descriptor(_) | ExperimentError::Metric { .. } | ExperimentError::Table { .. } => {
             user_error(error)
         }

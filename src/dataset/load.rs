@@ -44,6 +44,22 @@ impl Study {
         Err(Self::unknown(name_or_path))
     }
 
+    /// The rated pairs of a study that is rebuilt from open files, with the references of its manifest and other `candidates`: those of
+    /// methods that the manifest may not rebuild.
+    ///
+    /// # Errors
+    /// Those of [`Study::load`]; a study that is not rebuilt; a method without a rating.
+    pub fn load_rebuilt(
+        name: &str,
+        candidates: Vec<manifest::Candidate>,
+        data: Option<&Path>,
+    ) -> Result<Self, DatasetError> {
+        if !manifest::NAMES.contains(&name) {
+            return Err(Self::unknown(name));
+        }
+        published::load(&Manifest::embedded(name)?.with_candidates(candidates)?, data)
+    }
+
     /// That no scale is given for a study that is known by name: it declares its own.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 
 use super::identical::{Basis, Identical};
 use super::raw_layout::RawLayout;
-use super::{DatasetError, DeclaredScale};
+use super::{DatasetError, DeclaredScale, NamedRows};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -207,6 +207,9 @@ pub struct RebuiltManifest {
     /// How the candidates of each method are rebuilt.
     #[serde(rename = "candidate")]
     pub candidates: Vec<Candidate>,
+    /// Rows that figures are given for beside those on all rows.
+    #[serde(default, rename = "row_set")]
+    pub row_sets: Vec<NamedRows>,
     /// The pinned files that pairs are rebuilt from.
     #[serde(rename = "file")]
     pub files: Vec<PinnedFile>,
@@ -268,6 +271,22 @@ impl Manifest {
         Ok(Self { rated, rebuilt })
     }
 
+    /// The same study with `candidates` in place of its own.
+    ///
+    /// # Errors
+    /// A study whose pairs are not rebuilt; a method that nobody rated.
+    pub fn with_candidates(mut self, candidates: Vec<Candidate>) -> Result<Self, DatasetError> {
+        let Some(rebuilt) = &mut self.rebuilt else {
+            return Err(manifest_error(
+                &self.rated.name,
+                "its candidates are not rebuilt, so none can be replaced".into(),
+            ));
+        };
+        rebuilt.candidates = candidates;
+        rebuilt.check(&self.rated)?;
+        Ok(self)
+    }
+
     /// Name of the study.
     pub fn name(&self) -> &str {
         self.rebuilt.as_ref().map_or(&self.rated.name, |m| &m.name)
@@ -297,6 +316,11 @@ impl Manifest {
     pub fn files(&self) -> Vec<&PinnedFile> {
         let rebuilt = self.rebuilt.as_ref().map_or(&[][..], |m| &m.files);
         self.rated.files.iter().chain(rebuilt).collect()
+    }
+
+    /// Rows that figures are given for beside those on all rows.
+    pub fn row_sets(&self) -> &[NamedRows] {
+        self.rebuilt.as_ref().map_or(&[], |m| &m.row_sets)
     }
 
     /// What the study needs beside its pinned files.
@@ -369,6 +393,19 @@ impl RebuiltManifest {
                 return Err(manifest_error(study, format!("{file} is used but not among the files")));
             }
         }
+        unique(study, "row_set", m.row_sets.iter().map(|set| set.name.as_str()))?;
+        for set in &m.row_sets {
+            let wrong = |reason: String| Err(manifest_error(study, format!("row_set {}: {reason}", set.name)));
+            if set.methods.is_empty() {
+                return wrong("it names no method".into());
+            }
+            if NamedRows::RESERVED.contains(&set.name.as_str()) {
+                return wrong("this name means other rows; choose another one".into());
+            }
+            if let Some(method) = set.methods.iter().find(|name| !m.candidates.iter().any(|c| c.method == **name)) {
+                return wrong(format!("no candidate of the study is of the method {method}"));
+            }
+        }
         for path in m.triplets.iter().flat_map(|t| [&t.answers, &t.materials]) {
             if !m.files.iter().any(|f| f.path == *path && f.optional) {
                 return Err(manifest_error(study, format!("{path} is used but not among the optional files")));
@@ -437,8 +474,8 @@ mod tests {
         }
         // 2,026 BRDFs of which 100 are hidden references (Lavoue et al. 2021, section 3).
         assert_eq!(Manifest::embedded("lavoue2021").unwrap().pairs(), 2026 - 100);
-        // Three methods on 100 materials and three on the 86 of Ngan et al. 2005.
-        assert_eq!(Manifest::embedded("lavoue2021-open").unwrap().pairs(), 3 * 100 + 3 * 86);
+        // Three methods on 100 materials, three on the 86 of Ngan et al. 2005, and three that are read off the references.
+        assert_eq!(Manifest::embedded("lavoue2021-open").unwrap().pairs(), 3 * 100 + 3 * 86 + 3 * 100);
     }
 
     #[test]
@@ -478,13 +515,41 @@ mod tests {
             ("BLINN-PHONG", "BLINN-PHONG-OURS"),
             ("LAFORTUNE", "LAFORTUNE-OURS"),
             ("CHEBYCHEV", "LEGENDRE"),
+            ("DUPUY", "GGX"),
+            ("DUPUY", "BECKMAN"),
             ("GPLVM_APPROX.1", "GPLVM_APPROX.6"),
         ] {
             assert_eq!(family(a), family(b));
         }
-        let alone = ["BAGHER", "SGD", "GGX", "BECKMAN", "DUPUY"];
+        let alone = ["BAGHER", "SGD", "ABC", "WARD", "DUPUY"];
         assert_eq!(alone.iter().map(|a| family(a)).collect::<BTreeSet<_>>().len(), alone.len());
         assert_eq!(m.rated.methods.iter().map(|m| m.letter).collect::<BTreeSet<_>>().len(), m.rated.methods.len());
+    }
+
+    #[test]
+    fn sets_of_rows_part_the_methods_of_the_open_study() {
+        let rebuilt = Manifest::embedded("lavoue2021-open").unwrap().rebuilt.unwrap();
+        let in_sets: Vec<&String> = rebuilt.row_sets.iter().flat_map(|set| &set.methods).collect();
+        assert_eq!(in_sets, rebuilt.candidates.iter().map(|c| &c.method).collect::<Vec<_>>());
+        assert_eq!(rebuilt.row_sets.iter().map(|set| set.methods.len()).collect::<Vec<_>>(), [6, 3]);
+        let refused = |old: &str, new: &str| {
+            assert!(LAVOUE2021_OPEN.contains(old), "{old}");
+            RebuiltManifest::parse("lavoue2021-open", &LAVOUE2021_OPEN.replacen(old, new, 1)).unwrap_err().to_string()
+        };
+        let name = "name = \"six published methods\"";
+        for (old, new, expected) in [
+            (
+                name,
+                "name = \"three rebuilt from the reference\"",
+                "row_set three rebuilt from the reference is listed twice",
+            ),
+            (name, "name = \"all\"", "row_set all: this name means other rows"),
+            ("[\"SGD\", ", "[\"SDG\", ", "no candidate of the study is of the method SDG"),
+            ("[\"DUPUY\", \"GGX\", \"BECKMAN\"]", "[]", "it names no method"),
+        ] {
+            let message = refused(old, new);
+            assert!(message.contains(expected), "{message}");
+        }
     }
 
     #[test]

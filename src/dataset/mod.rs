@@ -28,4 +28,4 @@ pub use error::DatasetError;
 pub use identical::{ASSUMED_SHARE, Basis, Identical};
 pub use inventory::{StudyStatus, inventory};
 pub use scale::DeclaredScale;
-pub use study::{Completeness, RatedPair, Row, Study, StudyFile};
+pub use study::{Completeness, NamedRows, RatedPair, Row, Study, StudyFile};

@@ -1,7 +1,8 @@
 //! A study: pairs that people, or simulated observers, rated.
 
+use super::manifest::{self, Manifest};
 use super::{DatasetError, Identical};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use vernis_metric::brdf::{BrdfSource, ContentHash};
@@ -61,6 +62,26 @@ impl RatedPair {
             mos: self.mos,
             weight: self.weight,
         }
+    }
+}
+
+/// Rows of a study, by their methods, that figures are given for beside those on all rows.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedRows {
+    /// What tables call them, such as `six published methods`.
+    pub name: String,
+    /// Methods as the ratings name them.
+    pub methods: Vec<String>,
+}
+
+impl NamedRows {
+    /// Names that records keep for other rows: every row, and all but the methods that are set aside.
+    pub const RESERVED: [&'static str; 2] = ["all", "without-set-aside"];
+
+    /// Whether `row` is one of them.
+    pub fn has(&self, row: &Row) -> bool {
+        self.methods.contains(&row.method)
     }
 }
 
@@ -128,6 +149,17 @@ impl Study {
     /// Its name for files: that of its file, without the ending, where it is one.
     pub fn short_name(&self) -> String {
         Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// The sets of rows that the manifest of a published study declares; none for other studies.
+    ///
+    /// # Errors
+    /// A manifest that cannot be read.
+    pub fn row_sets(&self) -> Result<Vec<NamedRows>, DatasetError> {
+        if !manifest::NAMES.contains(&self.name.as_str()) {
+            return Ok(Vec::new());
+        }
+        Ok(Manifest::embedded(&self.name)?.row_sets().to_vec())
     }
 
     /// Number of groups of materials.

@@ -1,7 +1,7 @@
 //! Judges many metrics on the same rows and the same resamples.
 //!
 //! ```text
-//! let jury = Jury::new(samples.rows(), |row| row.method_family == "NPF", DEFAULT_RESAMPLES, seed)?;
+//! let jury = Jury::new(samples.rows(), |row| row.method_family == "NPF", &study.row_sets()?, DEFAULT_RESAMPLES, seed)?;
 //! let mut verdict = jury.judge("D9.Cl", Split::UnseenMaterial, &out_of_fold.predictions)?;
 //! verdict.extend(jury.judge("D9.Cl", Split::InSample, &in_sample(..)?)?);
 //! ```
@@ -17,7 +17,7 @@ use super::records::{
     AblationRecord, DifferenceRecord, Judgement, MaterialResidual, MethodResidual, MetricKind, MetricRecord,
     PredictionRecord, RowSet, Split,
 };
-use crate::dataset::Row;
+use crate::dataset::{NamedRows, Row};
 use std::collections::BTreeMap;
 use vernis_metric::math::correlation::{pearson, spearman};
 use vernis_metric::math::resampling::mean;
@@ -51,7 +51,7 @@ impl Judged {
     pub fn record(&self) -> Judgement {
         Judgement {
             split: self.split,
-            row_set: self.row_set,
+            row_set: self.row_set.clone(),
             rows: self.predictions.mos.len(),
             agreement: self.bootstrapped.agreement,
             intervals: self.bootstrapped.intervals,
@@ -88,8 +88,8 @@ impl JudgedMetric {
         }
     }
 
-    fn find(&self, split: Split, row_set: RowSet) -> Option<&Judged> {
-        self.judged.iter().find(|j| j.split == split && j.row_set == row_set)
+    fn find(&self, split: Split, row_set: &RowSet) -> Option<&Judged> {
+        self.judged.iter().find(|j| j.split == split && j.row_set == *row_set)
     }
 }
 
@@ -100,19 +100,20 @@ impl Jury {
         all.map_or_else(Vec::new, |all| residuals_by_method(&self.rows, predictions, split, &all.resamples))
     }
 
-    /// `set_aside` names the rows that the second set of rows leaves out; where it names none, or all, there is no
-    /// second set.
+    /// `set_aside` says which rows [`RowSet::WithoutSetAside`] leaves out, `named` which rows each [`RowSet::Named`] has. A set that
+    /// would have no row, or all, does not exist.
     pub fn new(
         rows: &[Row],
         set_aside: impl Fn(&Row) -> bool,
+        named: &[NamedRows],
         resamples: usize,
         seed: u64,
     ) -> Result<Self, EvaluationError> {
-        let kept: Vec<usize> = (0..rows.len()).filter(|&i| !set_aside(&rows[i])).collect();
-        let mut sets = vec![(RowSet::All, (0..rows.len()).collect::<Vec<usize>>())];
-        if !kept.is_empty() && kept.len() < rows.len() {
-            sets.push((RowSet::WithoutSetAside, kept));
-        }
+        let those = |keep: &dyn Fn(&Row) -> bool| (0..rows.len()).filter(|&i| keep(&rows[i])).collect::<Vec<usize>>();
+        let mut sets = vec![(RowSet::WithoutSetAside, those(&|row| !set_aside(row)))];
+        sets.extend(named.iter().map(|set| (RowSet::Named(set.name.clone()), those(&|row| set.has(row)))));
+        sets.retain(|(_, kept)| !kept.is_empty() && kept.len() < rows.len());
+        sets.insert(0, (RowSet::All, (0..rows.len()).collect()));
         let benches = sets
             .into_iter()
             .map(|(row_set, indices)| {
@@ -134,7 +135,7 @@ impl Jury {
             let predictions = predictions.select(&bench.indices);
             let bootstrapped = Bootstrapped::of(metric, &bench.ratings, &predictions, &bench.resamples)?;
             let fold_means = FoldMeans::of(&bench.ratings, &predictions);
-            Ok(Judged { split, row_set: bench.row_set, predictions, bootstrapped, fold_means })
+            Ok(Judged { split, row_set: bench.row_set.clone(), predictions, bootstrapped, fold_means })
         };
         self.benches.iter().map(judge).collect()
     }
@@ -175,7 +176,7 @@ impl Jury {
     pub fn ablation(&self, name: &str, columns: usize, full: &JudgedMetric, ablated: &[Judged]) -> AblationRecord {
         let of_all = |j: &&Judged| j.split == Split::UnseenMaterial && j.row_set == RowSet::All;
         let change = |figure| {
-            let full = full.find(Split::UnseenMaterial, RowSet::All)?;
+            let full = full.find(Split::UnseenMaterial, &RowSet::All)?;
             ablated.iter().find(of_all)?.bootstrapped.difference(&full.bootstrapped, figure)
         };
         AblationRecord {
@@ -196,7 +197,7 @@ fn difference(
     split: Split,
     bench: &Bench,
 ) -> Option<DifferenceRecord> {
-    let (judged_a, judged_b) = (a.find(split, bench.row_set)?, b.find(split, bench.row_set)?);
+    let (judged_a, judged_b) = (a.find(split, &bench.row_set)?, b.find(split, &bench.row_set)?);
     let paired = judged_a.bootstrapped.difference(&judged_b.bootstrapped, figure)?;
     let between = match figure {
         Figure::PlccRaw => pearson(judged_a.predictions.raw()?, judged_b.predictions.raw()?).ok(),
@@ -213,7 +214,7 @@ fn difference(
         b: b.name.clone(),
         figure,
         split,
-        row_set: bench.row_set,
+        row_set: bench.row_set.clone(),
         paired,
         holm_p: paired.p,
         cross_check,

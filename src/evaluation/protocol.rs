@@ -18,7 +18,7 @@ use super::records::{
     AblationRecord, CurvePoint, CurveRecord, DifferenceRecord, ImportanceRecord, LearningPoint, MaterialResidual,
     MethodResidual, MetricKind, MetricRecord, PredictionRecord, Split,
 };
-use crate::dataset::Row;
+use crate::dataset::{NamedRows, Row};
 use crate::samples::Samples;
 use crate::samples::split::{Fold, grouped_folds, material_type_folds, method_and_group_folds};
 use crate::train::Trainer;
@@ -42,6 +42,8 @@ pub struct Protocol {
     pub seed: u64,
     /// Method families that the second set of rows leaves out.
     pub set_aside: Vec<String>,
+    /// Further sets of rows, by name, that metrics are judged on.
+    pub row_sets: Vec<NamedRows>,
     /// The splits that the study supports; [`Split::UnseenMaterial`] is one of them.
     pub splits: Vec<Split>,
     /// Shares of the training materials that the learning curve has; none: there is no curve.
@@ -121,8 +123,8 @@ impl Bench {
     /// `samples` names the rows; contenders may see other columns of the same rows.
     pub fn new(protocol: Protocol, samples: &Samples) -> Result<Self, EvaluationError> {
         let aside = protocol.set_aside.clone();
-        let jury =
-            Jury::new(samples.rows(), |row| aside.contains(&row.method_family), protocol.resamples, protocol.seed)?;
+        let is_aside = |row: &Row| aside.contains(&row.method_family);
+        let jury = Jury::new(samples.rows(), is_aside, &protocol.row_sets, protocol.resamples, protocol.seed)?;
         Ok(Self { protocol, samples: samples.clone(), jury, judged: Vec::new(), predictions: Vec::new() })
     }
 

@@ -5,8 +5,9 @@ use super::bootstrap::{Difference, Interval};
 use super::calibration::Calibration;
 use super::cross_validation::FoldRecord;
 use super::dependent::DependentCorrelations;
-use crate::dataset::Identical;
+use crate::dataset::{Identical, NamedRows};
 use serde::{Deserialize, Serialize};
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use vernis_metric::math::rating_scale::RatingScale;
 
@@ -41,15 +42,40 @@ impl Split {
     }
 }
 
-/// Which rows are judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+/// Which rows are judged. In files it is one word or name: `all`, `without-set-aside`, or the name of a set of
+/// [`BenchmarkRecord::row_sets`].
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
 #[non_exhaustive]
 pub enum RowSet {
     /// Every row of the study.
     All,
     /// Without the methods of [`BenchmarkRecord::set_aside`].
     WithoutSetAside,
+    /// The set of [`BenchmarkRecord::row_sets`] of this name.
+    Named(String),
+}
+
+impl From<String> for RowSet {
+    fn from(name: String) -> Self {
+        let [all, without] = NamedRows::RESERVED;
+        match name {
+            name if name == all => Self::All,
+            name if name == without => Self::WithoutSetAside,
+            name => Self::Named(name),
+        }
+    }
+}
+
+impl From<RowSet> for String {
+    fn from(rows: RowSet) -> Self {
+        let [all, without] = NamedRows::RESERVED;
+        match rows {
+            RowSet::All => all.to_owned(),
+            RowSet::WithoutSetAside => without.to_owned(),
+            RowSet::Named(name) => name,
+        }
+    }
 }
 
 /// What kind of metric a record is about.
@@ -99,6 +125,10 @@ pub struct Judgement {
     pub fold_means: Option<FoldMeans>,
 }
 
+fn judgement<'a>(judgements: &'a [Judgement], split: Split, row_set: &RowSet) -> Option<&'a Judgement> {
+    judgements.iter().find(|j| j.split == split && j.row_set == *row_set)
+}
+
 /// One metric and how it agrees with people.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MetricRecord {
@@ -120,8 +150,8 @@ pub struct MetricRecord {
 
 impl MetricRecord {
     /// The agreement under `split` on `row_set`, if it was judged so.
-    pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
-        self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
+    pub fn judgement(&self, split: Split, row_set: impl Borrow<RowSet>) -> Option<&Judgement> {
+        judgement(&self.judgements, split, row_set.borrow())
     }
 }
 
@@ -163,8 +193,8 @@ pub struct AblationRecord {
 
 impl AblationRecord {
     /// The agreement under `split` on `row_set`, if it was judged so.
-    pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
-        self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
+    pub fn judgement(&self, split: Split, row_set: impl Borrow<RowSet>) -> Option<&Judgement> {
+        judgement(&self.judgements, split, row_set.borrow())
     }
 }
 
@@ -193,8 +223,8 @@ pub struct LearningPoint {
 
 impl LearningPoint {
     /// The agreement under `split` on `row_set`, if it was judged so.
-    pub fn judgement(&self, split: Split, row_set: RowSet) -> Option<&Judgement> {
-        self.judgements.iter().find(|j| j.split == split && j.row_set == row_set)
+    pub fn judgement(&self, split: Split, row_set: impl Borrow<RowSet>) -> Option<&Judgement> {
+        judgement(&self.judgements, split, row_set.borrow())
     }
 }
 
@@ -305,6 +335,9 @@ pub struct BenchmarkRecord {
     pub data_hashes: BTreeMap<String, String>,
     /// Method families left out of [`RowSet::WithoutSetAside`].
     pub set_aside: Vec<String>,
+    /// The rows of each [`RowSet::Named`]; none in studies that declare none, and in records of before there were any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub row_sets: Vec<NamedRows>,
     /// The metrics to show first; the first of them is the one that the run is about.
     pub headline: Vec<String>,
     /// Every metric and its agreement.
@@ -352,6 +385,20 @@ impl BenchmarkRecord {
         self.metric(&self.retrained)
     }
 
+    /// The sets of rows that metrics were judged on, all rows first, then the named ones; without that which sets methods aside.
+    pub fn named_row_sets(&self) -> Vec<RowSet> {
+        std::iter::once(RowSet::All).chain(self.row_sets.iter().map(|set| RowSet::Named(set.name.clone()))).collect()
+    }
+
+    /// What tables call a set of rows.
+    pub fn rows_in_words(&self, row_set: &RowSet) -> String {
+        match row_set {
+            RowSet::All => "all rows".to_owned(),
+            RowSet::WithoutSetAside => format!("without {}", self.set_aside.join(", ")),
+            RowSet::Named(name) => name.clone(),
+        }
+    }
+
     /// The record of the metric called `name`.
     pub fn metric(&self, name: &str) -> Option<&MetricRecord> {
         self.metrics.iter().find(|m| m.name == name)
@@ -360,5 +407,23 @@ impl BenchmarkRecord {
     /// The records of the headline metrics, in that order.
     pub fn headline_metrics(&self) -> Vec<&MetricRecord> {
         self.headline.iter().filter_map(|name| self.metric(name)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_of_rows_are_one_word_or_a_name_in_files() {
+        let named = RowSet::Named("six published methods".into());
+        for (set, text) in [
+            (RowSet::All, "\"all\""),
+            (RowSet::WithoutSetAside, "\"without-set-aside\""),
+            (named, "\"six published methods\""),
+        ] {
+            assert_eq!(serde_json::to_string(&set).unwrap(), text);
+            assert_eq!(serde_json::from_str::<RowSet>(text).unwrap(), set);
+        }
     }
 }

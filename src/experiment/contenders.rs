@@ -173,6 +173,7 @@ pub fn measure(
         versions: info.versions.clone(),
         data_hashes: data_hashes(study, info.external),
         set_aside: protocol.set_aside.clone(),
+        row_sets: protocol.row_sets.clone(),
         metrics: bench.metrics().into_iter().map(versioned).collect(),
         differences,
         did_not_help: Vec::new(),

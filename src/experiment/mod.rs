@@ -1,5 +1,5 @@
 //! One file a question: the training job, the benchmark of a study, the sweep of transport's parameters, which loss a fit should
-//! have, a study's candidates made anew, and which candidates explain the ratings.
+//! have, a study's candidates made anew, which candidates explain the ratings, and how metrics follow one parameter of a material.
 //!
 //! Everything here is callable from a program of one's own: plain options in, a callback for progress, a typed result out.
 //! Nothing prints, and nothing knows of a terminal.
@@ -8,6 +8,7 @@
 mod contenders;
 #[cfg(feature = "train")]
 pub mod external;
+pub mod landscape;
 pub mod losses;
 #[cfg(feature = "train")]
 pub mod plan;
@@ -17,6 +18,8 @@ pub mod refit;
 pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;
+#[cfg(feature = "train")]
+pub mod trials;
 pub mod triplets;
 
 #[cfg(feature = "train")]
@@ -80,12 +83,16 @@ pub enum ExperimentError {
     NothingKept { folder: PathBuf, asked: usize },
     #[error("{study}: no rated pair is of a method that could be rebuilt in a known way; there must be at least one")]
     NoWay { study: String },
+    #[error("there is nothing to try for the method {method}: {reason}")]
+    NoTrial { method: String, reason: String },
     #[error(transparent)]
     Lock(Box<LockError>),
     #[error("the result cannot be written: {reason}")]
     Write { reason: String },
     #[error("{} is the result of another run: {differences}; choose another folder, or remove the file", path.display())]
     Kept { path: PathBuf, differences: String },
+    #[error("{what} is {found}; it must be {allowed}")]
+    Setting { what: &'static str, found: usize, allowed: &'static str },
     #[error("study {study}: {reason}")]
     Unsupported { study: String, reason: String },
     #[error("{metric} could not be measured on unseen materials, so that it cannot be exported: {reason}")]

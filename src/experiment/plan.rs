@@ -8,7 +8,7 @@
 
 use super::ExperimentError;
 use super::train::{BenchmarkOptions, folds_of, unrated};
-use crate::dataset::{RatedPair, Row, Study};
+use crate::dataset::{NamedRows, RatedPair, Row, Study};
 use crate::evaluation::agreement::MIN_ROWS_PER_MATERIAL;
 use crate::evaluation::bootstrap::{MAX_RESAMPLES, MIN_RESAMPLES};
 use crate::evaluation::importance::{SHARES, groups_of_share};
@@ -103,6 +103,7 @@ impl Plan {
             }
         }
         let set_aside = set_aside(samples, &mut left_out);
+        let row_sets = row_sets(study.row_sets()?, samples.rows(), &mut left_out);
         if !within_material(samples.rows()) {
             left_out.push(format!(
                 "The correlation within materials is left out: no material has {MIN_ROWS_PER_MATERIAL} candidates whose ratings \
@@ -112,7 +113,8 @@ impl Plan {
         let means = means(samples.rows(), &mut left_out);
         let shares = shares(&by_material, seed, &mut left_out);
         let embeddings = embeddings(&by_material, options, &mut left_out)?;
-        let protocol = Protocol { folds, method_folds, resamples: options.resamples, seed, set_aside, splits, shares };
+        let resamples = options.resamples;
+        let protocol = Protocol { folds, method_folds, resamples, seed, set_aside, row_sets, splits, shares };
         Ok(Self { protocol, means, embeddings, left_out })
     }
 }
@@ -218,6 +220,25 @@ fn set_aside(samples: &Samples, left_out: &mut Vec<String>) -> Vec<String> {
         counted(groups, "group")
     ));
     Vec::new()
+}
+
+/// The sets of `declared` on which figures can stand: those of some rows, but not of all.
+fn row_sets(declared: Vec<NamedRows>, rows: &[Row], left_out: &mut Vec<String>) -> Vec<NamedRows> {
+    let mut stands = |set: &NamedRows| {
+        let kept: Vec<&Row> = rows.iter().filter(|row| set.has(row)).collect();
+        let groups = distinct(kept.iter().map(|row| row.group.as_str()));
+        let enough = groups >= LEAST_GROUPS && !equal(kept.iter().map(|row| row.mos));
+        if !enough {
+            left_out.push(format!(
+                "The figures on the rows of {} are left out: they would rest on {} of {} of materials.",
+                set.name,
+                counted(kept.len(), "row"),
+                counted(groups, "group")
+            ));
+        }
+        enough && kept.len() < rows.len()
+    };
+    declared.into_iter().filter(|set| stands(set)).collect()
 }
 
 /// Whether some material has enough candidates to be ordered.
@@ -415,6 +436,22 @@ mod tests {
             assert!(!found.protocol.splits.contains(&Split::UnseenMaterialType));
             assert!(found.left_out.iter().any(|line| line.contains(reason)), "{:?}", found.left_out);
         }
+    }
+
+    #[test]
+    fn a_named_set_of_rows_must_have_some_rows_and_not_all() {
+        let rows: Vec<Row> = study(4, 8, 2).pairs.iter().map(RatedPair::row).collect();
+        let set = |name: &str, methods: &[&str]| NamedRows {
+            name: name.into(),
+            methods: methods.iter().map(|method| (*method).to_owned()).collect(),
+        };
+        let mut left_out = Vec::new();
+        let sets = vec![set("half", &["a0"]), set("whole", &["a0", "a1"]), set("absent", &["b"])];
+        assert_eq!(row_sets(sets, &rows, &mut left_out), [set("half", &["a0"])]);
+        assert_eq!(
+            left_out,
+            ["The figures on the rows of absent are left out: they would rest on 0 rows of 0 groups of materials."]
+        );
     }
 
     #[test]

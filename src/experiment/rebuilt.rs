@@ -3,7 +3,10 @@
 //! The BRDFs of the open study are reconstructions, and for some methods there is more than one way to rebuild them. A judge,
 //! the metric's own recipe, is trained without any row of the method's family and, fold by fold, without the material and its
 //! sisters. It then predicts the method's ratings from each way's candidates. A way that people saw is predicted well; the
-//! bias is the mean of prediction minus rating.
+//! bias is the mean of prediction minus rating. Methods of one family are predicted by one judge, and together as well.
+//!
+//! Methods that the study does not rebuild can be asked for too, with candidates that were fitted again ([`super::trials`]); no judge
+//! learns from them.
 //!
 //! The ratings that decide between two ways are those that the study trains and judges metrics with. What that can do to the
 //! headline is measured as well: the metric's agreement out of fold on the study without the rows of such methods, in training and
@@ -56,6 +59,48 @@ impl Hypothesis {
     fn new(method: &str, assumes: &str, source: &str) -> Self {
         Self { method: method.to_owned(), assumes: assumes.to_owned(), source: source.to_owned() }
     }
+
+    /// The rated pairs of its method, with the candidates that it assumes.
+    fn way(&self, study: &Study) -> Way {
+        let rated = || study.pairs.iter().filter(|pair| pair.method == self.method);
+        Way {
+            method: self.method.clone(),
+            assumes: self.assumes.clone(),
+            used: rated().all(|pair| pair.candidate.notation() == source(pair, self)),
+            pairs: rated().map(|pair| rebuild(pair, self)).collect(),
+        }
+    }
+}
+
+/// The rated pairs of a method with the candidates of one way to make them.
+#[derive(Debug, Clone)]
+pub struct Way {
+    /// The method as the ratings name it.
+    pub method: String,
+    /// What is assumed, in a few words.
+    pub assumes: String,
+    /// Whether the study builds its candidates so.
+    pub used: bool,
+    /// The pairs, all of one method.
+    pub pairs: Vec<RatedPair>,
+}
+
+impl Way {
+    fn family(&self) -> &str {
+        self.pairs.first().map_or("", |pair| pair.method_family.as_str())
+    }
+}
+
+/// The ways of each family, families in the order of their first way; ways without a pair are left out.
+fn by_family(ways: &[Way]) -> Vec<Vec<&Way>> {
+    let mut families: Vec<Vec<&Way>> = Vec::new();
+    for way in ways.iter().filter(|way| !way.pairs.is_empty()) {
+        match families.iter_mut().find(|family| family.iter().any(|first| first.family() == way.family())) {
+            Some(family) => family.push(way),
+            None => families.push(vec![way]),
+        }
+    }
+    families
 }
 
 /// The ways to rebuild the methods of the open study that its README speaks of.
@@ -69,6 +114,10 @@ pub fn hypotheses() -> Vec<Hypothesis> {
     all.push(Hypothesis::new("WARD", "Ward's form", WARD));
     all.push(Hypothesis::new("WARD", "Duer's form", &format!("{WARD}?model=ward-duer")));
     all.push(Hypothesis::new("BAGHER", "published factors", "bagher2016-npf/npf.bin:{material}"));
+    all.extend([("DUPUY", "dupuy"), ("GGX", "dupuy-ggx"), ("BECKMAN", "dupuy-beckmann")].map(|(method, model)| {
+        let source = format!("nbrdf/merl_nbrdf.zip:{{material}}?fit={model}");
+        Hypothesis::new(method, "power iteration on the reference's retro-reflection", &source)
+    }));
     all
 }
 
@@ -99,13 +148,13 @@ pub struct Estimate {
 /// How well one way explains the ratings of its method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// The method as the ratings name it.
+    /// The method as the ratings name it; several for the figures of a family together.
     pub method: String,
     /// What is assumed.
     pub assumes: String,
     /// Whether the study builds its candidates so.
     pub used: bool,
-    /// Rated pairs of the method.
+    /// Rated pairs of the method that have such a candidate.
     pub rows: usize,
     /// Rows that the judge learned from in a fold, the fewest.
     pub training_rows: usize,
@@ -147,43 +196,43 @@ pub struct RebuiltRecord {
     pub resamples: usize,
     /// Of folds, training and resamples.
     pub seed: u64,
-    /// One a way, in the order asked for.
+    /// One a way, families in the order of their first way; after a family of several methods, one for them together.
     pub verdicts: Vec<Verdict>,
-    /// All rows first, then without each method that has more than one way, then without all of them.
+    /// All rows first, then without each family that has more than one way, then without all of them.
     pub without: Vec<Without>,
+    /// Of methods that the study does not rebuild, fitted again.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refits: Vec<Verdict>,
 }
 
-/// Judges each of `ways` to rebuild candidates of `study`. Ways of methods without a row are left out.
+/// Judges each of `ways` to rebuild candidates of `study`, and each of `refits`, candidates of methods that it has no row of. Ways of
+/// methods without a row are left out.
 ///
 /// # Errors
 /// No way has a row; a BRDF that cannot be read; folds that cannot be made; training that fails.
 pub fn rebuilt(
     study: &Study,
     ways: &[Hypothesis],
+    refits: &[Way],
     options: &RebuiltOptions,
     progress: Observer<'_>,
 ) -> Result<RebuiltRecord, ExperimentError> {
-    let has_rows = |method: &str| study.pairs.iter().any(|pair| pair.method == method);
-    let mut methods: Vec<&str> = Vec::new();
-    for way in ways.iter().filter(|way| has_rows(&way.method)) {
-        if !methods.contains(&way.method.as_str()) {
-            methods.push(&way.method);
-        }
-    }
-    if methods.is_empty() {
+    let ways: Vec<Way> = ways.iter().map(|way| way.way(study)).collect();
+    let families = by_family(&ways);
+    if families.is_empty() {
         return Err(ExperimentError::NoWay { study: study.name.clone() });
     }
     let job = Job { study, options, setup: Setup::standard(), trainer: recipe::metric(), progress };
-    let ways_of = |method: &str| ways.iter().filter(|way| way.method == method).collect::<Vec<_>>();
-    let mut verdicts = Vec::new();
-    for &method in &methods {
-        verdicts.extend(job.verdicts(&ways_of(method))?);
-    }
-    let open: Vec<&str> = methods.into_iter().filter(|method| ways_of(method).len() > 1).collect();
+    let verdicts = |families: &[Vec<&Way>]| -> Result<Vec<Verdict>, ExperimentError> {
+        Ok(families.iter().map(|ways| job.verdicts(ways)).collect::<Result<Vec<_>, _>>()?.concat())
+    };
+    let of_ways = verdicts(&families)?;
+    let of_refits = verdicts(&by_family(refits))?;
+    let open: Vec<Vec<&str>> = families.iter().filter(|ways| ways.len() > 1).map(|ways| methods(ways)).collect();
     let mut left_out: Vec<Vec<&str>> = vec![Vec::new()];
-    left_out.extend(open.iter().map(|&method| vec![method]));
+    left_out.extend(open.iter().cloned());
     if open.len() > 1 {
-        left_out.push(open);
+        left_out.push(open.concat());
     }
     let samples = job.samples(study, &[])?;
     let without = left_out.iter().map(|methods| job.without(&samples, methods)).collect::<Result<_, _>>()?;
@@ -194,9 +243,30 @@ pub fn rebuilt(
         folds: options.folds,
         resamples: options.resamples,
         seed: options.seed,
-        verdicts,
+        verdicts: of_ways,
         without,
+        refits: of_refits,
     })
+}
+
+/// The methods of `ways`, each once.
+fn methods<'a>(ways: &[&'a Way]) -> Vec<&'a str> {
+    let mut found: Vec<&str> = Vec::new();
+    for way in ways {
+        if !found.contains(&way.method.as_str()) {
+            found.push(&way.method);
+        }
+    }
+    found
+}
+
+/// Names in a sentence: `ABC`, `ABC and WARD`, `DUPUY, GGX and BECKMAN`.
+pub fn listed(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    match names.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => names.concat(),
+    }
 }
 
 struct Job<'a, T> {
@@ -216,45 +286,55 @@ impl<T: Trainer> Job<'_, T> {
         Ok(extractor.extract(study)?.samples)
     }
 
-    /// The ways of one method.
-    fn verdicts(&self, ways: &[&Hypothesis]) -> Result<Vec<Verdict>, ExperimentError> {
-        let own = |pair: &&RatedPair| ways.iter().any(|way| way.method == pair.method);
-        let rated: Vec<&RatedPair> = self.study.pairs.iter().filter(own).collect();
-        let family = rated.first().map_or("", |pair| pair.method_family.as_str());
+    /// The ways of one family of methods.
+    fn verdicts(&self, ways: &[&Way]) -> Result<Vec<Verdict>, ExperimentError> {
+        let family = ways.first().map_or("", |way| way.family());
         let mut pairs: Vec<RatedPair> =
             self.study.pairs.iter().filter(|pair| pair.method_family != family).cloned().collect();
-        let others = pairs.len();
+        let mut rows: Vec<Vec<usize>> = Vec::new();
         for way in ways {
-            pairs.extend(rated.iter().map(|pair| rebuild(pair, way)));
+            rows.push((pairs.len()..pairs.len() + way.pairs.len()).collect());
+            pairs.extend_from_slice(&way.pairs);
         }
         let untrained = Registry::standard().and_then(|registry| registry.get(UNTRAINED));
         let untrained =
             untrained.map_err(|e| ExperimentError::MetricNamed { name: UNTRAINED.to_owned(), source: Box::new(e) })?;
-        let all = Study { pairs, ..self.study.clone() };
-        let samples = self.samples(&all, &[untrained])?;
+        let samples = self.samples(&Study { pairs, ..self.study.clone() }, &[untrained])?;
         let (predicted, training_rows) = self.predictions(&samples.select_columns(recipe::takes), family)?;
         let distances = samples.columns().iter().position(|column| column.name == UNTRAINED);
         let distances = distances.map(|column| samples.column(column).to_vec());
-        let verdict = |(k, way): (usize, &&Hypothesis)| {
-            let rows = others + k * rated.len()..others + (k + 1) * rated.len();
-            let ratings = Ratings::of(&samples.rows()[rows.clone()]);
+        let verdict = |method: String, assumes: &str, used: bool, rows: &[usize]| {
+            let ratings = Ratings::of(rows.iter().map(|&row| &samples.rows()[row]));
             let resamples = bootstrap::draw(&ratings, self.options.resamples, self.options.seed)?;
             let figures = Against { ratings: ratings.mos(), resamples: &resamples };
-            let negated = |distances: &Vec<f64>| distances[rows.clone()].iter().map(|d| -d).collect::<Vec<f64>>();
+            let predicted: Vec<f64> = rows.iter().map(|&row| predicted[row]).collect();
+            let negated = |distances: &Vec<f64>| rows.iter().map(|&row| -distances[row]).collect::<Vec<f64>>();
             let none = Estimate { value: None, interval: None };
             Ok(Verdict {
-                method: way.method.clone(),
-                assumes: way.assumes.clone(),
-                used: rated.iter().all(|pair| pair.candidate.notation() == source(pair, way)),
-                rows: rated.len(),
+                method,
+                assumes: assumes.to_owned(),
+                used,
+                rows: rows.len(),
                 training_rows,
-                plcc: figures.pearson(&predicted[rows.clone()]),
-                srocc: figures.spearman(&predicted[rows.clone()]),
-                bias: figures.bias(&predicted[rows.clone()]),
+                plcc: figures.pearson(&predicted),
+                srocc: figures.spearman(&predicted),
+                bias: figures.bias(&predicted),
                 untrained_srocc: distances.as_ref().map_or(none, |d| figures.spearman(&negated(d))),
             })
         };
-        ways.iter().enumerate().map(verdict).collect()
+        let mut found: Vec<Verdict> = ways
+            .iter()
+            .zip(&rows)
+            .map(|(way, rows)| verdict(way.method.clone(), &way.assumes, way.used, rows))
+            .collect::<Result<_, ExperimentError>>()?;
+        let (used, rows): (Vec<&Way>, Vec<&Vec<usize>>) =
+            ways.iter().copied().zip(&rows).filter(|(way, _)| way.used).unzip();
+        let together = methods(&used);
+        if together.len() > 1 {
+            let rows: Vec<usize> = rows.into_iter().flatten().copied().collect();
+            found.push(verdict(listed(&together), "together", true, &rows)?);
+        }
+        Ok(found)
     }
 
     /// What the judge predicts for the rows of `family`, by row (0 for others), and the fewest rows that it learned from.
@@ -366,13 +446,29 @@ mod tests {
     }
 
     #[test]
+    fn a_family_is_judged_together() {
+        let study = Study::load(crate::dataset::synthetic::NAME, None).expect("embedded");
+        let way = |method: &str, family: &str, used: bool| {
+            let mut pairs = study.pairs[..2].to_vec();
+            pairs.iter_mut().for_each(|pair| family.clone_into(&mut pair.method_family));
+            Way { method: method.to_owned(), assumes: String::new(), used, pairs }
+        };
+        let mut ways = vec![way("A", "F", true), way("B", "G", true), way("C", "F", false), way("A", "F", false)];
+        ways.push(Way { pairs: Vec::new(), ..way("D", "H", true) });
+        let families = by_family(&ways);
+        assert_eq!(families.iter().map(|ways| methods(ways)).collect::<Vec<_>>(), [vec!["A", "C"], vec!["B"]]);
+        assert_eq!(families.iter().map(Vec::len).collect::<Vec<_>>(), [3, 1]);
+        assert_eq!([listed(&["A"]), listed(&["A", "B"]), listed(&["A", "B", "C"])], ["A", "A and B", "A, B and C"]);
+    }
+
+    #[test]
     fn ways_name_the_material_and_methods_of_the_open_study() {
         let ways = hypotheses();
         assert!(ways.iter().all(|way| way.source.contains("{material}")));
         let manifest = crate::dataset::manifest::Manifest::embedded(crate::dataset::manifest::OPEN).expect("embedded");
         let candidates = manifest.rebuilt.expect("the open study is rebuilt").candidates;
         // Each method is judged under the very source that the study uses, beside others.
-        for method in ["ABC", "WARD", "BAGHER"] {
+        for method in ["ABC", "WARD", "BAGHER", "DUPUY", "GGX", "BECKMAN"] {
             let used = candidates.iter().find(|c| c.method == method).expect("a method of the study");
             assert!(ways.iter().any(|way| way.method == method && way.source == used.source), "{method}");
         }

@@ -19,9 +19,11 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis_metric::brdf::models::schema;
 use vernis_metric::brdf::{BrdfError, BrdfSource};
+use vernis_metric::fit::direct::is_direct;
 use vernis_metric::fit::optimizer::StopReason;
-use vernis_metric::fit::{Difference, FitError, FitFile, Fitting, KeptFit};
+use vernis_metric::fit::{Difference, FitError, FitFile, Fitting, KeptFit, Start};
 use vernis_metric::io::{Observer, Progress, write_atomically};
 use vernis_metric::metric::Metric;
 
@@ -90,6 +92,8 @@ pub struct RefitOptions {
     pub methods: Vec<(&'static str, &'static str)>,
     /// Cells of the metric to a cell of the search, along each axis.
     pub coarsening: usize,
+    /// A search begins at the model's own start, the same for every reference, instead of at one that the reference suggests.
+    pub plain_start: bool,
 }
 
 /// All methods for every reference of `study`, sorted by material, then method; the same whatever the number of threads.
@@ -119,8 +123,13 @@ pub fn refit(study: &Study, options: &RefitOptions, progress: Observer<'_>) -> R
 }
 
 impl RefitOptions {
-    fn fitting(&self, model: &'static str) -> Fitting<'_> {
-        Fitting { coarsening: self.coarsening, ..Fitting::new(model, &*self.metric) }
+    fn fitting(&self, model: &'static str) -> Result<Fitting<'_>, FitError> {
+        let plain = || -> Result<Start, FitError> {
+            let schema = schema(model).map_err(FitError::Model)?;
+            Ok(Start::Parameters(schema.iter().map(|parameter| parameter.start).collect()))
+        };
+        let start = if self.plain_start && !is_direct(model) { Some(plain()?) } else { None };
+        Ok(Fitting { coarsening: self.coarsening, start, ..Fitting::new(model, &*self.metric) })
     }
 
     /// What an earlier run has left, and why a file that is there is not taken. `sha256` is that of the reference, where it is known.
@@ -138,7 +147,7 @@ impl RefitOptions {
             KeptFit::Absent => return Ok((None, None)),
             KeptFit::Refused(reason) => return again(reason),
         };
-        let differences = kept.differences(&self.fitting(model), sha256.unwrap_or(&kept.reference.sha256));
+        let differences = kept.differences(&self.fitting(model)?, sha256.unwrap_or(&kept.reference.sha256));
         let (versions, others): (Vec<_>, Vec<_>) = differences.into_iter().partition(Difference::is_version);
         if !others.is_empty() {
             return Err(FitError::Kept { path: path.display().to_string(), differences: others });
@@ -157,7 +166,7 @@ impl RefitOptions {
         method: &'static str,
         model: &'static str,
     ) -> Result<Refit, FitError> {
-        let (fitting, file) = (self.fitting(model), file_of(material, method));
+        let (fitting, file) = (self.fitting(model)?, file_of(material, method));
         let opened = |e: BrdfError| FitError::Reference { material: material.to_owned(), cause: Box::new(e) };
         let reference = source.open(self.data.as_deref()).map_err(opened)?;
         let sha256 = reference.content.to_string();
@@ -194,7 +203,18 @@ pub fn file_name(material: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vernis_metric::brdf::models::schema;
+    #[test]
+    fn a_plain_start_is_the_models_own() {
+        let metric = vernis_metric::metric::registry::Registry::standard().unwrap().get("D4.Cl").unwrap();
+        let (folder, methods) = (PathBuf::new(), Vec::new());
+        let mut options = RefitOptions { data: None, folder, metric, methods, coarsening: 5, plain_start: true };
+        let own = schema("ward").unwrap().iter().map(|parameter| parameter.start).collect();
+        assert_eq!(options.fitting("ward").unwrap().start, Some(Start::Parameters(own)));
+        assert_eq!(options.fitting("dupuy").unwrap().start, None);
+        assert!(matches!(options.fitting("wart"), Err(FitError::Model(_))));
+        options.plain_start = false;
+        assert_eq!(options.fitting("ward").unwrap().start, None);
+    }
 
     #[test]
     fn every_method_has_a_model_and_materials_have_file_names() {

@@ -533,13 +533,20 @@ fn metric_versions(metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
 /// The headline figures of a learned metric.
 fn reached(record: &BenchmarkRecord, name: &str) -> Vec<Reached> {
     let Some(metric) = record.metric(name) else { return Vec::new() };
-    let aside = format!("unseen material, without {}", record.set_aside.join(", "));
+    let mut asked = vec![
+        (Split::UnseenMaterial, RowSet::All),
+        (Split::UnseenMaterial, RowSet::WithoutSetAside),
+        (Split::UnseenMaterialAndMethod, RowSet::All),
+    ];
+    for set in record.named_row_sets().into_iter().skip(1) {
+        asked.extend([Split::UnseenMaterial, Split::UnseenMaterialAndMethod].map(|split| (split, set.clone())));
+    }
     let mut found = Vec::new();
-    for (split, row_set, rows) in [
-        (Split::UnseenMaterial, RowSet::All, "unseen material"),
-        (Split::UnseenMaterial, RowSet::WithoutSetAside, aside.as_str()),
-        (Split::UnseenMaterialAndMethod, RowSet::All, "unseen material and method"),
-    ] {
+    for (split, row_set) in asked {
+        let rows = match &row_set {
+            RowSet::All => split.label().to_owned(),
+            set => format!("{}, {}", split.label(), record.rows_in_words(set)),
+        };
         let Some(judgement) = metric.judgement(split, row_set) else { continue };
         let (agreement, intervals) = (&judgement.agreement, &judgement.intervals);
         for (measure, value, interval) in
@@ -547,7 +554,7 @@ fn reached(record: &BenchmarkRecord, name: &str) -> Vec<Reached> {
         {
             found.push(Reached {
                 measure: measure.to_owned(),
-                rows: rows.to_owned(),
+                rows: rows.clone(),
                 value,
                 low: interval.low,
                 high: interval.high,

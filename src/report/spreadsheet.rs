@@ -2,7 +2,7 @@
 
 use super::ReportError;
 use crate::evaluation::agreement::Figure;
-use crate::evaluation::records::{BenchmarkRecord, Judgement};
+use crate::evaluation::records::{BenchmarkRecord, Judgement, RowSet};
 use serde::Serialize;
 use std::borrow::Cow;
 use vernis_metric::io::one_line;
@@ -13,6 +13,11 @@ pub fn cell(name: &str) -> Cow<'_, str> {
     let text = one_line(name);
     let formula = name.starts_with(['=', '+', '-', '@', '\t', '\r']) && name.parse::<f64>().is_err();
     if formula { Cow::Owned(format!("'{text}")) } else { text }
+}
+
+/// A set of rows as a cell: the word or name that it has in the JSON.
+fn rows_cell(row_set: &RowSet) -> String {
+    cell(&String::from(row_set.clone())).into_owned()
 }
 
 /// File names and contents: `metrics.csv`, `ablation.csv`, `differences.csv`, `residuals.csv`, `predictions.csv`.
@@ -56,7 +61,7 @@ fn figures(judgement: &Judgement) -> impl Iterator<Item = impl Serialize> {
             Figure::Srocc => judgement.fold_means.map(|means| means.srocc),
             _ => None,
         };
-        let (split, row_set, rows) = (judgement.split, judgement.row_set, judgement.rows);
+        let (split, row_set, rows) = (judgement.split, rows_cell(&judgement.row_set), judgement.rows);
         Some((split, row_set, rows, figure, value, interval.low, interval.high, fold_mean))
     })
 }
@@ -80,7 +85,7 @@ fn differences(record: &BenchmarkRecord) -> Result<Vec<u8>, ReportError> {
     let rows = record.differences.iter().map(|d| {
         let (paired, check) = (d.paired, d.cross_check);
         (
-            (cell(&d.a), cell(&d.b), d.figure, d.split, d.row_set),
+            (cell(&d.a), cell(&d.b), d.figure, d.split, rows_cell(&d.row_set)),
             (paired.difference, paired.interval.low, paired.interval.high, paired.p, d.holm_p),
             (check.map(|c| c.zou.low), check.map(|c| c.zou.high), check.map(|c| c.steiger_p)),
         )

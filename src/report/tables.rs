@@ -3,7 +3,7 @@
 use super::markdown;
 use crate::evaluation::agreement::Figure;
 use crate::evaluation::bootstrap::{Difference, Interval};
-use crate::evaluation::records::{AblationRecord, BenchmarkRecord, Judgement, MetricRecord, RowSet, Split};
+use crate::evaluation::records::{BenchmarkRecord, Judgement, MetricRecord, RowSet, Split};
 use maud::{Markup, html};
 use vernis_metric::io::counted;
 
@@ -77,21 +77,57 @@ impl Table {
 
 const NONE: &str = "-";
 
-/// Agreement of the metrics of the headline, as the last lines of a run show it.
-pub fn headline(record: &BenchmarkRecord) -> Table {
-    metrics_table(
-        record,
-        &record.headline_metrics(),
-        format!(
-            "Agreement with {} ratings, unseen material [95 % interval by material]",
-            if record.synthetic { "SYNTHETIC" } else { "human" }
-        ),
-    )
+/// Agreement of the metrics of the headline, as the last lines of a run show it: on all rows, then, where the study declares sets of
+/// rows, on each of them.
+pub fn headlines(record: &BenchmarkRecord) -> Vec<Table> {
+    let title = format!(
+        "Agreement with {} ratings, unseen material{} [95 % interval by material]",
+        if record.synthetic { "SYNTHETIC" } else { "human" },
+        on_all_rows(record)
+    );
+    let mut tables = vec![metrics_table(record, &record.headline_metrics(), title)];
+    if !record.row_sets.is_empty() {
+        let splits = [Split::UnseenMaterial, Split::UnseenMaterialAndMethod].map(|split| by_rows(record, split));
+        tables.extend(splits.into_iter().filter(|table| !table.rows.is_empty()));
+    }
+    tables
+}
+
+/// Agreement of the metrics of the headline under one split, a column a set of rows.
+fn by_rows(record: &BenchmarkRecord, split: Split) -> Table {
+    let sets = record.named_row_sets();
+    let metrics = record.headline_metrics();
+    let heading = |set: &RowSet| {
+        let rows = metrics.iter().find_map(|metric| metric.judgement(split, set)).map(|judgement| judgement.rows);
+        rows.map_or_else(|| record.rows_in_words(set), |rows| format!("{} ({rows})", record.rows_in_words(set)))
+    };
+    let headings: Vec<String> = sets.iter().map(heading).collect();
+    let columns: Vec<&str> = ["metric"].into_iter().chain(headings.iter().map(String::as_str)).collect();
+    let title = format!("PLCC / SROCC by the rows that are judged, {} [95 % interval by material]", split.label());
+    let mut table = Table::new(title, &columns);
+    let judged = metrics.iter().filter(|metric| metric.judgement(split, RowSet::All).is_some());
+    table.rows = judged
+        .map(|metric| {
+            let cells = sets.iter().map(|set| {
+                let found = metric.judgement(split, set);
+                let both = [Figure::Plcc, Figure::Srocc].map(|figure| with_interval(found, figure));
+                if found.is_some() { both.join(" / ") } else { NONE.to_owned() }
+            });
+            std::iter::once(metric.name.clone()).chain(cells).collect()
+        })
+        .collect();
+    table
+}
+
+/// For the titles of tables on all rows, where there are sets of rows to tell them from.
+fn on_all_rows(record: &BenchmarkRecord) -> String {
+    if record.row_sets.is_empty() { String::new() } else { format!(", all {} rows", record.rows) }
 }
 
 /// Agreement of every metric.
 pub fn all_metrics(record: &BenchmarkRecord) -> Table {
-    metrics_table(record, &record.metrics.iter().collect::<Vec<_>>(), "All metrics".to_owned())
+    let title = format!("All metrics{}", on_all_rows(record));
+    metrics_table(record, &record.metrics.iter().collect::<Vec<_>>(), title)
 }
 
 fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: String) -> Table {
@@ -127,16 +163,19 @@ fn metrics_table(record: &BenchmarkRecord, metrics: &[&MetricRecord], title: Str
     table
 }
 
-/// Paired differences, unseen material, all rows.
+/// Paired differences by split and rows; on a named set of rows for unseen materials and methods alone, for the others are in the
+/// numbers of the report.
 pub fn differences(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
         "Paired differences on the same resamples of materials, p corrected by Holm",
         &["a - b", "figure", "rows", "difference", "95 % interval", "p", "Zou interval"],
     );
     for found in &record.differences {
-        let rows = match found.row_set {
-            RowSet::All => found.split.label().to_owned(),
-            RowSet::WithoutSetAside => format!("{}, without {}", found.split.label(), record.set_aside.join(", ")),
+        let shown = matches!(found.split, Split::UnseenMaterial | Split::UnseenMaterialAndMethod);
+        let rows = match &found.row_set {
+            RowSet::Named(_) if !shown => continue,
+            RowSet::All if record.row_sets.is_empty() => found.split.label().to_owned(),
+            set => format!("{}, {}", found.split.label(), record.rows_in_words(set)),
         };
         table.rows.push(vec![
             format!("{} - {}", found.a, found.b),
@@ -155,15 +194,18 @@ pub fn differences(record: &BenchmarkRecord) -> Table {
 pub fn ablation(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
         format!(
-            "Ablation: {0} retrained with other descriptors, unseen material (change against {0} with all of its own)",
-            record.retrained
+            "Ablation: {0} retrained with other descriptors, unseen material{1} (change against {0} with all of its own)",
+            record.retrained,
+            on_all_rows(record)
         ),
         &["descriptors", "number", "PLCC", "change", "SROCC", "change", "within material", "unseen method"],
     );
+    let named = || record.row_sets.iter().map(|set| RowSet::Named(set.name.clone()));
+    table.columns.extend(named().map(|set| format!("unseen method, {}", record.rows_in_words(&set))));
     for found in &record.ablation {
-        let at = |split| AblationRecord::judgement(found, split, RowSet::All);
-        let main = at(Split::UnseenMaterial);
-        table.rows.push(vec![
+        let main = found.judgement(Split::UnseenMaterial, RowSet::All);
+        let unseen_method = |set| pair(found.judgement(Split::UnseenMaterialAndMethod, set));
+        let mut row = vec![
             found.name.clone(),
             found.columns.to_string(),
             value(main, Figure::Plcc),
@@ -171,8 +213,10 @@ pub fn ablation(record: &BenchmarkRecord) -> Table {
             value(main, Figure::Srocc),
             change(found.srocc_change),
             value(main, Figure::WithinMaterialSrocc),
-            pair(at(Split::UnseenMaterialAndMethod)),
-        ]);
+            unseen_method(RowSet::All),
+        ];
+        row.extend(named().map(unseen_method));
+        table.rows.push(row);
     }
     table
 }
@@ -181,8 +225,9 @@ pub fn ablation(record: &BenchmarkRecord) -> Table {
 pub fn importance(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
         format!(
-            "Permutation importance: change of {} when descriptors are exchanged between unseen rows, families first",
-            record.retrained
+            "Permutation importance: change of {} when descriptors are exchanged between unseen rows, families first{}",
+            record.retrained,
+            on_all_rows(record)
         ),
         &["descriptors", "number", "PLCC", "SROCC"],
     );
@@ -197,15 +242,19 @@ pub fn importance(record: &BenchmarkRecord) -> Table {
 pub fn learning_curve(record: &BenchmarkRecord) -> Table {
     let mut table = Table::new(
         format!(
-            "Learning curve: agreement of {} on unseen materials by the groups of materials trained on",
-            record.retrained
+            "Learning curve: agreement of {} on unseen materials by the groups of materials trained on{}",
+            record.retrained,
+            on_all_rows(record)
         ),
         &["groups", "PLCC", "SROCC"],
     );
+    let named = || record.row_sets.iter().map(|set| RowSet::Named(set.name.clone()));
+    table.columns.extend(named().map(|set| record.rows_in_words(&set)));
     for point in &record.learning_curve {
         let main = point.judgement(Split::UnseenMaterial, RowSet::All);
         let numbers = [Figure::Plcc, Figure::Srocc].map(|figure| with_interval(main, figure));
-        table.rows.push([format!("{:.1}", point.groups)].into_iter().chain(numbers).collect());
+        let sets = named().map(|set| pair(point.judgement(Split::UnseenMaterial, set)));
+        table.rows.push([format!("{:.1}", point.groups)].into_iter().chain(numbers).chain(sets).collect());
     }
     table
 }

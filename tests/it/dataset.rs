@@ -25,12 +25,22 @@ fn the_open_study_rebuilds_what_the_ratings_hold() {
     let mut by_method: BTreeMap<&str, usize> = BTreeMap::new();
     study.pairs.iter().for_each(|p| *by_method.entry(&p.method).or_default() += 1);
     let materials = study.pairs.iter().map(|p| p.material.as_str()).collect::<BTreeSet<_>>().len();
-    assert_eq!(study.completeness.known, 558);
+    assert_eq!(study.completeness.known, 858);
     assert_eq!(study.completeness.found, study.pairs.len());
-    assert_eq!((by_method["SGD"], by_method["ABC"], by_method["BAGHER"]), (materials, materials, materials));
+    for method in ["SGD", "ABC", "BAGHER", "DUPUY", "GGX", "BECKMAN"] {
+        assert_eq!(by_method[method], materials, "{method}");
+    }
+    let families: BTreeSet<&str> = study.pairs.iter().map(|p| p.method_family.as_str()).collect();
+    assert_eq!((by_method.len(), families.len()), (9, 7));
+    // The sets of rows part the study.
+    let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
+    let sets: Vec<usize> =
+        study.row_sets().unwrap().iter().map(|set| rows.iter().filter(|row| set.has(row)).count()).collect();
+    assert_eq!((sets.iter().sum::<usize>(), sets[1]), (rows.len(), 3 * materials));
     // The extract that the project is developed on has 85 materials, 73 of them with the fits of Ngan et al. 2005.
     if materials == 85 {
-        assert_eq!(study.completeness, Completeness { found: 85 * 3 + 73 * 3, known: 558 });
+        assert_eq!(study.completeness, Completeness { found: 85 * 3 + 73 * 3 + 85 * 3, known: 858 });
+        assert_eq!(sets, [474, 255]);
         assert_eq!((by_method["WARD"], by_method["BLINN-PHONG"], by_method["LAFORTUNE"]), (73, 73, 73));
     }
     study.validate(10).unwrap();
@@ -70,7 +80,7 @@ fn manifests_pin_the_files_that_are_here() {
     }
     let open = inventory(Some(&data)).into_iter().find(|s| s.name == "lavoue2021-open").unwrap();
     assert!(open.loads());
-    assert_eq!(open.pairs.known, 558);
+    assert_eq!(open.pairs.known, 858);
     assert!(open.files.iter().all(|f| matches!(f.state, FileState::AsPublished | FileState::Extract)));
 }
 
@@ -105,6 +115,7 @@ fn a_csv_file_round_trips_through_the_loader() {
     assert_eq!(study.pairs[1].method_family, "WARD");
     assert_eq!((study.pairs[2].group.as_str(), study.pairs[2].method.as_str()), ("gold", "unnamed"));
     assert_eq!(study.groups(), 2);
+    assert!(study.row_sets().unwrap().is_empty());
     study.pairs[0].reference.open(None).unwrap();
     let BrdfSource::Notation(comma) = &study.pairs[1].candidate else { panic!("a CSV holds notations") };
     assert_eq!(comma, "with, comma.binary");
@@ -149,12 +160,16 @@ fn ratings_of_a_folder_become_the_open_study() {
     write(
         "lavoue2021/PerceptualDistances.csv",
         "\"METHOD\";\"BRDF\";\"DISTANCE\"\n\"WARD\";\"red-fabric2\";0.125\n\"GGX\";\"red-fabric2\";0.5\n\
+         \"CHEBYCHEV\";\"red-fabric2\";0.5\n\
          \"ABC\";\"steel\";0.75\n",
     );
     let study = Study::load("lavoue2021-open", Some(dir.path())).unwrap();
-    // GGX cannot be rebuilt.
-    assert_eq!(study.completeness, Completeness { found: 2, known: 558 });
-    let [ward, abc] = &study.pairs[..] else { panic!("two pairs") };
+    // CHEBYCHEV cannot be rebuilt.
+    assert_eq!(study.completeness, Completeness { found: 3, known: 858 });
+    let [ward, ggx, abc] = &study.pairs[..] else { panic!("three pairs") };
+    assert_eq!((ggx.method.as_str(), ggx.method_family.as_str()), ("GGX", "DUPUY"));
+    assert_eq!(ggx.candidate.notation(), "nbrdf/merl_nbrdf.zip:red-fabric2?fit=dupuy-ggx");
+    assert_eq!(ggx.reference.notation(), "nbrdf/merl_nbrdf.zip:red-fabric2");
     assert_eq!((ward.mos, ward.group.as_str(), ward.weight), (4.5, "red-fabric", 1.0));
     assert_eq!((abc.mos, abc.method_family.as_str()), (2.0, "ABC"));
     assert!((abc.weight - 1.0 / (1.0 + (0.376f64 / 0.25).powi(2))).abs() < 1e-12);
@@ -163,6 +178,7 @@ fn ratings_of_a_folder_become_the_open_study() {
     assert!(notation(&abc.candidate).contains("low_lowmicrofacet_E2.fit:steel?eta=2.5"));
     assert!(notation(&abc.reference).contains("merl_nbrdf.zip:steel"));
     assert!(study.files.iter().all(|f| f.as_published == Some(false)));
+    assert_eq!(study.row_sets().unwrap().iter().map(|set| set.methods.len()).collect::<Vec<_>>(), [6, 3]);
     let status = inventory(Some(dir.path()));
     assert_eq!(status[1].pairs, study.completeness);
     assert_eq!(status[1].files[0].state, FileState::Extract);
@@ -170,6 +186,19 @@ fn ratings_of_a_folder_become_the_open_study() {
     write("lavoue2021/PerceptualDistances.csv", "METHOD;BRDF;DISTANCE\nWARD;steel;0.1\nWARD;brass;\n");
     let text = message(Study::load("lavoue2021-open", Some(dir.path())));
     assert!(text.contains("PerceptualDistances.csv, line 3: DISTANCE is ``; it must be 0 to 1"), "{text}");
+}
+
+#[test]
+fn candidates_of_a_study_can_be_replaced_where_it_is_rebuilt() {
+    let one = |method: &str| {
+        vec![vernis::dataset::manifest::Candidate { method: method.into(), source: "fits/{material}.json".into() }]
+    };
+    let load = |name: &str, method: &str| message(Study::load_rebuilt(name, one(method), None));
+    assert!(load("lavoue2021", "WARD-OURS").contains("its candidates are not rebuilt"));
+    assert!(load("lavoue2021-open", "WARD-MINE").contains("lavoue2021 has no method WARD-MINE"));
+    assert!(load("lavoue2021-opne", "WARD-OURS").contains("did you mean lavoue2021-open"));
+    // What is wrong with method and study is said before the data folder is missed.
+    assert!(load("lavoue2021-open", "WARD-OURS").contains("PerceptualDistances.csv"));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand::seq::SliceRandom;
 use std::collections::HashMap;
-use vernis::dataset::Row;
+use vernis::dataset::{NamedRows, Row};
 use vernis::descriptor::{Column, Role};
 use vernis::evaluation::EvaluationError;
 use vernis::evaluation::agreement::{Agreement, Figure, FoldMeans, Ratings};
@@ -193,7 +193,7 @@ fn raw_agreement_of_a_choice_is_that_of_the_chosen_distances() {
         let expected = raw(record.chosen.as_deref().unwrap(), fold.held_out.indices());
         assert!((record.plcc_raw.unwrap() - expected).abs() < 1e-12, "{record:?} {expected}");
     }
-    let jury = Jury::new(samples.rows(), |_| false, 60, 3).unwrap();
+    let jury = Jury::new(samples.rows(), |_| false, &[], 60, 3).unwrap();
     let judged = jury.judge("fickle", Split::UnseenMaterial, &found.predictions).unwrap();
     let text = serde_json::to_string(&judged[0].record()).unwrap();
     assert!(text.contains("\"plcc_raw\":null"), "{text}");
@@ -229,7 +229,7 @@ fn every_fold_has_its_own_seed_and_threads_do_not_matter() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let told = cross_validate(&samples, &folds, &SeedTeller, 9).unwrap();
-            let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", 100, 3).unwrap();
+            let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", &[], 100, 3).unwrap();
             let nearest = cross_validate(&samples, &folds, &Nearest, 1).unwrap();
             let judged = jury.judge("nearest", Split::UnseenMaterial, &nearest.predictions).unwrap();
             let records: Vec<String> = judged.iter().map(|j| serde_json::to_string(&j.record()).unwrap()).collect();
@@ -259,7 +259,15 @@ fn judged_metrics_differ_as_they_should() {
     let samples = study();
     let by_material = grouped_folds(&samples, 5, 1).unwrap();
     let by_method = method_and_group_folds(&samples, 5, 1).unwrap();
-    let jury = Jury::new(samples.rows(), |r| r.method_family == "BAGHER", 400, 3).unwrap();
+    let named = |name: &str, methods: &[&str]| NamedRows {
+        name: name.into(),
+        methods: methods.iter().map(|method| (*method).to_owned()).collect(),
+    };
+    // A set of no row, and one of all, are no sets.
+    let mut methods: Vec<&str> = samples.rows().iter().map(|row| row.method.as_str()).collect();
+    let sets = [named("near copies", &["BAGHER"]), named("none", &["ABC-OURS"]), named("whole", &methods)];
+    methods.retain(|method| *method == "BAGHER");
+    let jury = Jury::new(samples.rows(), |r| r.method_family == "BAGHER", &sets, 400, 3).unwrap();
     let judge = |name: &str| {
         let material = cross_validate_distance(&samples, &by_material, name).unwrap();
         let method = cross_validate_distance(&samples, &by_method, name).unwrap();
@@ -275,6 +283,8 @@ fn judged_metrics_differ_as_they_should() {
     let kept = good.judgement(Split::UnseenMaterial, RowSet::WithoutSetAside).unwrap();
     let fitted = good.judgement(Split::InSample, RowSet::All).unwrap();
     assert_eq!((all.rows, kept.rows, good.folds.len()), (240, 200, 5));
+    let near = good.judgement(Split::UnseenMaterialAndMethod, RowSet::Named("near copies".into())).unwrap();
+    assert_eq!((near.rows, methods.len(), good.judgements.len()), (40, 40, 3 * 3));
     assert!(fitted.agreement.plcc >= all.agreement.plcc && fitted.agreement.rmse <= all.agreement.rmse);
     // A distance needs no training: its own order is the same however the rows are split.
     assert_eq!(fitted.agreement.srocc, all.agreement.srocc);
@@ -284,8 +294,9 @@ fn judged_metrics_differ_as_they_should() {
 
     let figures = [Figure::Plcc, Figure::Srocc, Figure::Rmse];
     let found = jury.differences(&metrics, &[("good", "poor"), ("good", "good")], &figures).unwrap();
-    // Two pairs, three splits that were judged, with and without the rows set aside.
-    assert_eq!(found.len(), 2 * figures.len() * 3 * 2);
+    // Two pairs, three splits that were judged, with and without the rows set aside, and on them.
+    assert_eq!(found.len(), 2 * figures.len() * 3 * 3);
+    let found: Vec<_> = found.into_iter().filter(|d| !matches!(d.row_set, RowSet::Named(_))).collect();
     for record in &found {
         assert!(record.holm_p >= record.paired.p);
         if record.b == "good" {
@@ -327,7 +338,7 @@ fn residuals_by_method_have_intervals_by_material() {
     for (row, mos) in samples.rows().iter().zip(&mut predictions.mos) {
         *mos = if row.material == "material-7" && row.method == "SGD" { row.mos - 3.0 } else { row.mos };
     }
-    let jury = Jury::new(samples.rows(), |_| false, 400, 3).unwrap();
+    let jury = Jury::new(samples.rows(), |_| false, &[], 400, 3).unwrap();
     let found = jury.residuals_by_method(&predictions, Split::UnseenMaterial);
     assert_eq!(found.iter().map(|r| r.method.as_str()).collect::<Vec<_>>(), METHODS);
     for residual in &found {

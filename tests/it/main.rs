@@ -13,6 +13,7 @@ mod external;
 mod extract;
 mod fit;
 mod inputs;
+mod landscape;
 mod learned;
 mod losses;
 mod old_files;

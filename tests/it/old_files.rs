@@ -6,7 +6,7 @@ use std::process::Command;
 use vernis::brdf::BrdfSource;
 use vernis::brdf::models::build;
 use vernis::descriptor::{DescriptorOptions, Lights, ShapeChoice};
-use vernis::evaluation::records::BenchmarkRecord;
+use vernis::evaluation::records::{BenchmarkRecord, RowSet};
 use vernis::fit::{FitFile, Fitting, KeptFit};
 use vernis::metric::Metric;
 use vernis::metric::learned::LearnedMetric;
@@ -132,6 +132,9 @@ fn a_benchmark_is_read() {
     assert!(record.headline_metrics().len() > 5);
     // What came later is missing, and what was not named then is known.
     let judgement = &record.metrics[0].judgements[0];
+    assert!(record.row_sets.is_empty() && judgement.row_set == RowSet::All);
+    let known = [RowSet::All, RowSet::WithoutSetAside];
+    assert!(record.metrics.iter().flat_map(|m| &m.judgements).all(|j| known.contains(&j.row_set)));
     assert_eq!((judgement.fold_means, judgement.agreement.plcc_raw), (None, Some(0.95947440616854)));
     let retrained = record.retrained_metric().expect("the model of the ablation is among the metrics");
     #[cfg(feature = "train")]

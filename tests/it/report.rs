@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
-use vernis::dataset::Row;
+use vernis::dataset::{NamedRows, Row};
 use vernis::descriptor::{Column, Role};
 use vernis::evaluation::agreement::Figure;
 use vernis::evaluation::benchmark::{Judged, JudgedMetric, Jury, prediction_records, residuals_by_material};
@@ -14,7 +14,7 @@ use vernis::evaluation::bootstrap::Interval;
 use vernis::evaluation::calibration::Calibration;
 use vernis::evaluation::cross_validation::{cross_validate_distance, in_sample};
 use vernis::evaluation::records::{
-    BenchmarkRecord, CurvePoint, CurveRecord, ImportanceRecord, LearningPoint, MetricKind, Split,
+    BenchmarkRecord, CurvePoint, CurveRecord, ImportanceRecord, LearningPoint, MetricKind, RowSet, Split,
 };
 use vernis::math::seed;
 use vernis::report::page::materials::{Candidate, Material};
@@ -78,11 +78,15 @@ pub(crate) fn record_of_the_embedded_study() -> BenchmarkRecord {
     record
 }
 
+fn row_sets() -> Vec<NamedRows> {
+    vec![NamedRows { name: "far <candidates>".into(), methods: vec!["SGD".into(), "ABC".into()] }]
+}
+
 fn make_record() -> BenchmarkRecord {
     let columns = columns();
     let samples = samples(&columns);
     let (folds, methods) = (grouped_folds(&samples, 5, 1).unwrap(), method_and_group_folds(&samples, 5, 1).unwrap());
-    let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", 60, 1).unwrap();
+    let jury = Jury::new(samples.rows(), |r| r.method == "BAGHER", &row_sets(), 60, 1).unwrap();
     let judge = |name: &str| {
         let material = cross_validate_distance(&samples, &folds, name).unwrap();
         let method = cross_validate_distance(&samples, &methods, name).unwrap();
@@ -138,6 +142,7 @@ fn make_record() -> BenchmarkRecord {
         versions: BTreeMap::from([("vernis".to_owned(), "0.1.0".to_owned())]),
         data_hashes: BTreeMap::from([("ratings.csv".to_owned(), "00ff".repeat(16))]),
         set_aside: vec!["BAGHER".into()],
+        row_sets: row_sets(),
         headline: headline.iter().map(|s| (*s).to_owned()).collect(),
         metrics: metrics.iter().map(JudgedMetric::record).collect(),
         differences: jury.differences(&metrics, &pairs, &[Figure::Plcc, Figure::Srocc]).unwrap(),
@@ -205,14 +210,47 @@ fn tables_hold_every_figure() {
     let dir = tempfile::tempdir().unwrap();
     let folder = report(dir.path(), &record);
     let lines = |name: &str| read(&folder, name).lines().count() - 1;
-    // 39 metrics, 3 splits, 2 sets of rows, 6 figures.
-    assert_eq!(lines("metrics.csv"), 39 * 3 * 2 * 6);
-    // 4 pairs, 3 splits, 2 sets of rows, 2 figures.
-    assert_eq!(lines("differences.csv"), 4 * 3 * 2 * 2);
+    // 39 metrics, 3 splits, 3 sets of rows, 6 figures.
+    assert_eq!(lines("metrics.csv"), 39 * 3 * 3 * 6);
+    // 4 pairs, 3 splits, 3 sets of rows, 2 figures.
+    assert_eq!(lines("differences.csv"), 4 * 3 * 3 * 2);
     assert_eq!((lines("predictions.csv"), lines("residuals.csv")), (360, 60));
     let metrics = read(&folder, "metrics.csv");
     let plcc = record.metrics[0].judgements[0].agreement.plcc;
     assert!(metrics.contains(&format!("vernis,,learned,unseen-material,all,360,plcc,{plcc},")), "{metrics}");
+}
+
+/// Small tables say on which rows a figure stands; without sets of rows there are none.
+#[test]
+fn sets_of_rows_have_tables_of_their_own() {
+    use vernis::report::tables;
+    let record = record(false);
+    let found = tables::headlines(&record);
+    assert_eq!(found.len(), 3);
+    assert!(found[0].title.contains("unseen material, all 360 rows"), "{}", found[0].title);
+    for (table, split) in found[1..].iter().zip([Split::UnseenMaterial, Split::UnseenMaterialAndMethod]) {
+        assert!(
+            table.title.starts_with("PLCC / SROCC by the rows that are judged, ")
+                && table.title.contains(split.label())
+        );
+        let set = RowSet::Named("far <candidates>".into());
+        let judged = record.metrics[0].judgement(split, &set).unwrap();
+        assert_eq!(table.columns, ["metric", "all rows (360)", &format!("far <candidates> ({})", judged.rows)]);
+        assert_eq!(table.rows.len(), record.headline.len());
+        assert!(table.rows[0][2].starts_with(&format!("{:.3} [", judged.agreement.plcc)), "{:?}", table.rows[0]);
+    }
+    // In sample, and for unseen types, a named set is in the numbers alone.
+    let differences = tables::differences(&record);
+    assert_eq!(differences.rows.iter().filter(|row| row[2].ends_with(", far <candidates>")).count(), 4 * 2 * 2);
+    assert!(tables::ablation(&record).columns.contains(&"unseen method, far <candidates>".to_owned()));
+    let dir = tempfile::tempdir().unwrap();
+    let folder = report(dir.path(), &record);
+    assert!(read(&folder, "report.html").contains("far &lt;candidates&gt; ("));
+    assert!(read(&folder, "report.md").contains("* rows of far &lt;candidates>: `SGD, ABC`"));
+    assert!(read(&folder, "ablation.csv").contains(",unseen-material-and-method,far <candidates>,"));
+    let plain = BenchmarkRecord { row_sets: Vec::new(), ..record };
+    assert_eq!(tables::headlines(&plain).len(), 1);
+    assert!(!tables::headlines(&plain)[0].title.contains("all 360 rows"));
 }
 
 #[test]

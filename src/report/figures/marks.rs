@@ -179,6 +179,11 @@ impl<B: DrawingBackend> Canvas<B> {
     }
 }
 
+/// The colour of the mark of the `index`-th method.
+pub(super) fn colour(index: usize) -> RGBColor {
+    PALETTE[index % PALETTE.len()]
+}
+
 /// Width of the words in pixels, for margins.
 pub(super) fn width(words: &str, size: f64) -> Result<f64, String> {
     register_font()?;

@@ -1,7 +1,8 @@
-//! Figures, as SVG and PNG: what the pictures of a benchmark and of a study's ratings share.
+//! Figures, as SVG and PNG: what the pictures of a benchmark, of a study's ratings and of landscapes share.
 
 pub mod benchmark;
 mod curves;
+pub mod landscape;
 mod marks;
 pub mod spectrum;
 pub mod study;

@@ -31,7 +31,7 @@ fn how_to_read(record: &BenchmarkRecord) -> String {
 /// The headline table and how to read it.
 pub fn headline(record: &BenchmarkRecord) -> Markup {
     html! {
-        (tables::headline(record).to_html())
+        @for table in tables::headlines(record) { (table.to_html()) }
         @if let Some(defeat) = tables::defeat(record) { p.banner { (defeat) } }
         p { (how_to_read(record)) }
     }
@@ -75,7 +75,9 @@ pub fn markdown(record: &BenchmarkRecord, figures: &[Figure]) -> String {
     for (name, value) in provenance(record) {
         push(&mut page, format_args!("* {}: {}\n", text(&name), code(&value)));
     }
-    push(&mut page, format_args!("\n{}\n", tables::headline(record).to_markdown()));
+    for table in tables::headlines(record) {
+        push(&mut page, format_args!("\n{}\n", table.to_markdown()));
+    }
     if let Some(defeat) = tables::defeat(record) {
         push(&mut page, format_args!("**{}**\n\n", text(&defeat)));
     }
@@ -163,6 +165,7 @@ pub fn provenance(record: &BenchmarkRecord) -> Vec<(String, String)> {
             ),
         ),
     ];
+    lines.extend(record.row_sets.iter().map(|set| (format!("rows of {}", set.name), set.methods.join(", "))));
     lines.push(("scale of the ratings".to_owned(), record.scale.to_string()));
     if let Some(identical) = &record.identical {
         let score = record.scale.show(identical.score);

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 /// The notation of sources in short.
 const NOTATIONS: &str = "PATH.binary, PATH.titopo, PATH.titopoh, PATH.bsdf, PATH.h5, ARCHIVE.zip:MATERIAL, \
-     FILE.fit:MATERIAL[?KEY=VALUE&...], npf.bin:MATERIAL, MODEL.json[?KEY=VALUE&...]";
+     FILE.fit:MATERIAL[?KEY=VALUE&...], npf.bin:MATERIAL, MODEL.json[?KEY=VALUE&...]; SOURCE?fit=dupuy[-ggx|-beckmann] is read off any of them";
 
 /// Why a BRDF could not be read, written or made. Each message is one line that names place, finding and remedy.
 #[derive(Debug, Error)]

@@ -1,7 +1,8 @@
 //! The cells of a reflectance table and the way between cells and directions.
 
-use crate::math::Vec3;
+use super::Brdf;
 use crate::math::coordinates::{fold_reciprocal, half_difference};
+use crate::math::{Rgb, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How far below the edge of a cell, in cells, its content begins: a value that belongs at an edge must find its own
@@ -206,6 +207,35 @@ impl GridDirections {
         let [_, n1, n2] = self.grid.shape();
         let row = index / n2;
         self.at([row / n1, row % n1, index % n2])
+    }
+
+    /// The grid whose directions these are.
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// The values of `brdf` on a circle of a grid in standard coordinates, that is, at all azimuths of one pair of polar angles;
+    /// `circle` counts these pairs. `None` where there is no measurement. Of a BRDF that is its own mirror image, the first half alone:
+    /// [`GridDirections::on_circle`] finds the others.
+    pub(crate) fn evaluate_circle(&self, brdf: &dyn Brdf, circle: usize) -> Vec<Option<Rgb>> {
+        let [_, _, azimuths] = self.grid.shape();
+        let half = if self.grid.anchor() == 0.0 { azimuths / 2 + 1 } else { azimuths.div_ceil(2) };
+        let evaluated = if brdf.is_mirror_symmetric() { half } else { azimuths };
+        let first = circle * azimuths;
+        let (wi, wo): (Vec<_>, Vec<_>) = (first..first + evaluated).map(|cell| self.get(cell)).unzip();
+        let mut values = vec![None; evaluated];
+        brdf.eval_in_gamut(&wi, &wo, &mut values);
+        values
+    }
+
+    /// Where the value at azimuth `k` stands among the first `evaluated` ones.
+    pub(crate) fn on_circle(&self, k: usize, evaluated: usize) -> usize {
+        let [_, _, azimuths] = self.grid.shape();
+        match k {
+            k if k < evaluated => k,
+            k if self.grid.anchor() == 0.0 => azimuths - k,
+            k => azimuths - 1 - k,
+        }
     }
 
     /// The directions of the cell with these indices along the axes.

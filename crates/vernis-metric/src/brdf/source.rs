@@ -11,11 +11,18 @@
 //! | `npf.bin:teflon` | tabulated factors |
 //! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
 //!
+//! | `merl_nbrdf.zip:teflon?fit=dupuy-ggx`, `alum-bronze.binary?fit=dupuy` | what is read off any of these without a search |
+//!
 //! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
 //! parameters as another model of the same fields.
+//!
+//! `fit` names a model that the BRDF before it gives directly: `dupuy`, `dupuy-ggx` or `dupuy-beckmann`
+//! ([`Dupuy::from_retroreflection`]); `vernis fit --model` makes the same model. The content is the content of the BRDF before it with
+//! the name of the model and the version of the extraction. An extraction takes some milliseconds, and is put off until values are
+//! asked for.
 
 use super::formats::{archive, extension, fit, materials, merl, model_json, nbrdf, npf, rgl, titopo, what_it_is};
-use super::models::NamedParameters;
+use super::models::{Dupuy, NamedParameters};
 use super::{Brdf, BrdfError};
 use sha2::{Digest, Sha256};
 use std::fmt;
@@ -83,21 +90,21 @@ pub struct IdentifiedBrdf {
 
 enum State {
     Open(Arc<dyn Brdf>),
-    Table { file: TableFile, decoded: OnceLock<Arc<dyn Brdf>> },
+    Later { found: Found, decoded: OnceLock<Arc<dyn Brdf>> },
 }
 
 impl IdentifiedBrdf {
-    /// The BRDF; a table is decoded the first time.
+    /// The BRDF; a table is decoded, and a model that is read off another BRDF extracted, the first time.
     ///
     /// # Errors
-    /// A table with numbers that are none, or without a valid cell.
+    /// A table with numbers that are none, or without a valid cell; a BRDF that sends no light straight back, and so has no facets.
     pub fn brdf(&self) -> Result<&dyn Brdf, BrdfError> {
         match &self.state {
             State::Open(brdf) => Ok(&**brdf),
-            State::Table { file, decoded } => Ok(match decoded.get() {
+            State::Later { found, decoded } => Ok(match decoded.get() {
                 Some(brdf) => &**brdf,
                 None => {
-                    let brdf = file.decode()?;
+                    let brdf = found.decode()?;
                     &**decoded.get_or_init(|| brdf)
                 }
             }),
@@ -142,10 +149,50 @@ impl TableFile {
     }
 }
 
-/// What a notation leads to: a table yet to be decoded, or a BRDF and its content.
+/// What a notation leads to: a BRDF and its content, or what is still to be decoded.
 enum Found {
-    Table(TableFile),
     Open(ContentHash, Arc<dyn Brdf>),
+    Table(TableFile),
+    Extraction(Extraction),
+}
+
+impl Found {
+    fn content(&self) -> ContentHash {
+        match self {
+            Self::Open(content, _) => *content,
+            Self::Table(file) => file.content(),
+            Self::Extraction(extraction) => extraction.content(),
+        }
+    }
+
+    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
+        match self {
+            Self::Open(_, brdf) => Ok(brdf.clone()),
+            Self::Table(file) => file.decode(),
+            Self::Extraction(extraction) => extraction.decode(),
+        }
+    }
+}
+
+/// A model that is read off another BRDF.
+struct Extraction {
+    /// For messages.
+    notation: String,
+    /// One of [`Dupuy::MODELS`].
+    model: &'static str,
+    reference: Box<Found>,
+}
+
+impl Extraction {
+    fn content(&self) -> ContentHash {
+        let (version, reference) = (Dupuy::EXTRACTION_VERSION, self.reference.content());
+        ContentHash::of(format!("extraction {version} of {} from {reference}", self.model).as_bytes())
+    }
+
+    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
+        let found = Dupuy::extracted(self.model, &*self.reference.decode()?);
+        Ok(Arc::new(found.map_err(|cause| BrdfError::Model { place: self.notation.clone(), cause })?))
+    }
 }
 
 /// Where a BRDF comes from; nothing is read until it is opened.
@@ -186,14 +233,9 @@ impl BrdfSource {
         match self {
             Self::Generated(open) => Ok(open.clone()),
             Self::Notation(notation) => {
-                let (content, brdf) = match Parsed::new(notation)?.read(base)? {
-                    Found::Open(content, brdf) => (content, brdf),
-                    Found::Table(file) => {
-                        let (brdf, content) = rayon::join(|| file.decode(), || file.content());
-                        (content, brdf?)
-                    }
-                };
-                Ok(OpenBrdf { notation: notation.clone(), content, brdf })
+                let found = Parsed::new(notation)?.found(base)?;
+                let (brdf, content) = rayon::join(|| found.decode(), || found.content());
+                Ok(OpenBrdf { notation: notation.clone(), content, brdf: brdf? })
             }
         }
     }
@@ -209,14 +251,16 @@ impl BrdfSource {
         }
     }
 
-    /// Reads what tells the BRDF from others, as [`BrdfSource::open`], and puts off decoding a table.
+    /// Reads what tells the BRDF from others, as [`BrdfSource::open`], and puts off decoding a table or extracting a model.
     pub fn identify(&self, base: Option<&Path>) -> Result<IdentifiedBrdf, BrdfError> {
         match self {
             Self::Generated(open) => Ok(open.clone().into()),
             Self::Notation(notation) => {
-                let (content, state) = match Parsed::new(notation)?.read(base)? {
-                    Found::Open(content, brdf) => (content, State::Open(brdf)),
-                    Found::Table(file) => (file.content(), State::Table { file, decoded: OnceLock::new() }),
+                let found = Parsed::new(notation)?.found(base)?;
+                let content = found.content();
+                let state = match found {
+                    Found::Open(_, brdf) => State::Open(brdf),
+                    found => State::Later { found, decoded: OnceLock::new() },
                 };
                 Ok(IdentifiedBrdf { notation: notation.clone(), content, state })
             }
@@ -267,7 +311,12 @@ struct Parsed<'a> {
     path: &'a str,
     material: &'a str,
     overrides: Vec<(&'a str, &'a str)>,
+    /// A model that is read off what the rest names.
+    fit: Option<&'static str>,
 }
+
+/// Of a model that is read off a BRDF, among the keys after the `?`.
+const FIT: &str = "fit";
 
 impl<'a> Parsed<'a> {
     fn new(notation: &'a str) -> Result<Self, BrdfError> {
@@ -297,16 +346,34 @@ impl<'a> Parsed<'a> {
             (false, Some(_)) => return Err(error(format!("`{path}` holds one material, it takes no name"))),
             (_, material) => material.unwrap_or_default(),
         };
-        if query.is_some() && !kind.has_parameters() {
-            return Err(error(format!("`{path}` holds no parameters to override")));
-        }
         let assignment =
             |part: &'a str| part.split_once('=').ok_or_else(|| error(format!("`{part}` is not of the form KEY=VALUE")));
-        let overrides = query.map_or(Ok(Vec::new()), |q| q.split('&').map(assignment).collect())?;
-        Ok(Self { notation, kind, path, material, overrides })
+        let pairs: Vec<(&str, &str)> = query.map_or(Ok(Vec::new()), |q| q.split('&').map(assignment).collect())?;
+        let (fits, overrides): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(key, _)| *key == FIT);
+        if !overrides.is_empty() && !kind.has_parameters() {
+            return Err(error(format!("`{path}` holds no parameters to override")));
+        }
+        let fit = match fits[..] {
+            [] => None,
+            [(_, model)] => Some(extracted_model(model).map_err(error)?),
+            _ => return Err(error(format!("`{FIT}` is given twice"))),
+        };
+        Ok(Self { notation, kind, path, material, overrides, fit })
     }
 
-    /// Reads what the notation names, and decodes it unless it is a table.
+    /// What the notation names; nothing but a model and its parameters is computed.
+    fn found(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
+        let found = self.read(base)?;
+        Ok(match self.fit {
+            None => found,
+            Some(model) => {
+                let (notation, reference) = (self.notation.to_owned(), Box::new(found));
+                Found::Extraction(Extraction { notation, model, reference })
+            }
+        })
+    }
+
+    /// Reads what the notation names without its `fit`, and decodes it unless it is a table.
     fn read(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
         let path = &find(self.path, base)?;
         let material = self.material;
@@ -369,6 +436,12 @@ impl<'a> Parsed<'a> {
     }
 }
 
+/// A model that can be read off a BRDF, by its name.
+fn extracted_model(name: &str) -> Result<&'static str, String> {
+    let found = Dupuy::MODELS.into_iter().find(|model| *model == name);
+    found.ok_or_else(|| format!("`{FIT}` is {name}; it must be one of {}", Dupuy::MODELS.join(", ")))
+}
+
 /// The materials of the collection that `notation` names as a whole, such as `merl_nbrdf.zip` or `npf.bin`, sorted; `None`
 /// where it names something else. The file is looked for as [`BrdfSource::open`] does.
 ///
@@ -425,8 +498,48 @@ mod tests {
         let p = Parsed::new("data/ngan_ward.fit:teflon?model=ward-duer&alpha=.2").expect("valid");
         assert_eq!((p.path, p.material), ("data/ngan_ward.fit", "teflon"));
         assert_eq!(p.overrides, [("model", "ward-duer"), ("alpha", ".2")]);
+        let p = Parsed::new("ngan_ward.fit:teflon?alpha=.2&fit=dupuy-ggx").expect("valid");
+        assert_eq!((&p.overrides[..], p.fit), (&[("alpha", ".2")][..], Some("dupuy-ggx")));
         let p = Parsed::new("C:/a/teflon.T.titopo").expect("valid");
         assert_eq!((p.path, p.material), ("C:/a/teflon.T.titopo", ""));
+    }
+
+    /// The extraction is that of the model, its content tells references and models apart, and it waits until it is asked for.
+    #[test]
+    fn a_model_is_read_off_what_the_notation_names() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writable");
+        write("a.json", r#"{"model": "ggx", "kd": [0.2, 0.1, 0.1], "f0": [0.1, 0.1, 0.1], "alpha": 0.3}"#);
+        write("black.json", r#"{"model": "lambert", "kd": [0, 0, 0]}"#);
+        let source = |notation: &str| BrdfSource::parse(notation).expect(notation);
+        let open = |notation: &str| source(notation).open(Some(folder.path()));
+        let reference = open("a.json").expect("a model");
+        let mut contents = vec![reference.content];
+        for model in Dupuy::MODELS {
+            let notation = format!("a.json?fit={model}");
+            let found = open(&notation).expect("reflects");
+            let expected = Dupuy::extracted(model, &*reference.brdf).expect("reflects");
+            let read_off = found.brdf.as_model().expect("a model");
+            assert_eq!(
+                (read_off.model(), read_off.parameters()),
+                (model, super::super::models::AnalyticBrdf::parameters(&expected))
+            );
+            let identified = source(&notation).identify(Some(folder.path())).expect("there");
+            assert_eq!(identified.content, found.content);
+            assert!(identified.brdf().expect("reflects").as_model().is_some_and(|m| m.model() == model));
+            contents.push(found.content);
+        }
+        contents.push(open("a.json?alpha=0.4&fit=dupuy").expect("reflects").content);
+        contents.sort();
+        contents.dedup();
+        assert_eq!(contents.len(), 5);
+        // Nothing is extracted before values are asked for.
+        let black = source("black.json?fit=dupuy").identify(Some(folder.path())).expect("there");
+        for error in [black.brdf().err(), open("black.json?fit=dupuy").err()] {
+            let message = error.expect("no light comes back").to_string();
+            assert!(message.starts_with("black.json?fit=dupuy: the reference sends no light back"), "{message}");
+        }
+        assert!(matches!(open("none.json?fit=dupuy"), Err(BrdfError::NotFound { .. })));
     }
 
     #[test]
@@ -446,6 +559,11 @@ mod tests {
             ("a.binary:teflon", "takes no name"),
             ("a.zip:teflon?eta=1", "no parameters to override"),
             ("a.fit:teflon?eta", "`eta` is not of the form KEY=VALUE"),
+            ("a.zip:teflon?fit", "`fit` is not of the form KEY=VALUE"),
+            ("a.zip:teflon?fit=ggx", "`fit` is ggx; it must be one of dupuy, dupuy-ggx, dupuy-beckmann"),
+            ("a.zip:teflon?fit=dupuy&fit=dupuy", "`fit` is given twice"),
+            ("a.zip:teflon?fit=dupuy&eta=1", "no parameters to override"),
+            ("a.zip?fit=dupuy", "name one"),
         ] {
             let message = BrdfSource::parse(notation).expect_err(notation).to_string();
             assert!(message.contains(expected) && message.contains("write it as PATH.binary"), "{message}");

@@ -13,6 +13,7 @@ use crate::brdf::{ContentHash, IdentifiedBrdf};
 use crate::io::{NewFile, read_at_most, write_atomically};
 use crate::light::node_table::{NODES, NodeTable};
 use crate::light::operator::Operator;
+use crate::math::Rgb;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -82,7 +83,7 @@ impl Cache {
 
     /// Keeps features under a content hash.
     pub fn store(&self, content: ContentHash, features: &BrdfFeatures, setup: &Setup) -> Result<(), CacheWarning> {
-        self.write(self.path(content, setup), &key(content, setup), &encode_features(&features.stored))
+        self.write(self.path(content, setup), &key(content, setup), &encode_features(&features.stored, setup))
     }
 
     /// The features of a BRDF: from the cache, or computed and kept.
@@ -184,8 +185,13 @@ impl Reader<'_> {
         self.take(1, u32::from_le_bytes)?.first().map(|v| *v as usize)
     }
 
-    fn triples(&mut self, count: usize) -> Option<Vec<[f32; 3]>> {
-        let numbers = self.take(count.checked_mul(3)?, f32::from_le_bytes)?;
+    /// Numbers of version 1 are f32.
+    fn triples(&mut self, count: usize, setup: &Setup) -> Option<Vec<Rgb>> {
+        let count = count.checked_mul(3)?;
+        let numbers = match setup.version() {
+            1 => self.take(count, |b| f64::from(f32::from_le_bytes(b)))?,
+            _ => self.take(count, f64::from_le_bytes)?,
+        };
         Some(numbers.as_chunks::<3>().0.to_vec())
     }
 }
@@ -194,21 +200,28 @@ fn put_floats(bytes: &mut Vec<u8>, values: impl IntoIterator<Item = f32>) {
     values.into_iter().for_each(|v| bytes.extend(v.to_le_bytes()));
 }
 
-fn encode_features(stored: &Stored) -> Vec<u8> {
+fn put_triples(bytes: &mut Vec<u8>, values: &[Rgb], setup: &Setup) {
+    match setup.version() {
+        1 => put_floats(bytes, values.iter().flatten().map(|v| *v as f32)),
+        _ => values.iter().flatten().for_each(|v| bytes.extend(v.to_le_bytes())),
+    }
+}
+
+fn encode_features(stored: &Stored, setup: &Setup) -> Vec<u8> {
     let mut bytes = Vec::new();
-    put_floats(&mut bytes, stored.table.values().iter().flatten().copied());
+    put_triples(&mut bytes, stored.table.values(), setup);
     bytes.extend(stored.table.sampled().iter().map(|s| u8::from(*s)));
-    put_floats(&mut bytes, stored.pictures.iter().flatten().flatten().copied());
+    stored.pictures.iter().for_each(|picture| put_triples(&mut bytes, picture, setup));
     stored.albedo.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
     bytes
 }
 
 fn decode_features(payload: &[u8], setup: &Setup) -> Option<Stored> {
     let mut reader = Reader(payload);
-    let values = reader.triples(NODES)?;
+    let values = reader.triples(NODES, setup)?;
     let sampled = reader.take(NODES, |[b]: [u8; 1]| b == 1)?;
     let table = NodeTable::from_parts(values, sampled)?;
-    let pictures: Option<Vec<_>> = (0..setup.lights()).map(|_| reader.triples(setup.pixels())).collect();
+    let pictures: Option<Vec<_>> = (0..setup.lights()).map(|_| reader.triples(setup.pixels(), setup)).collect();
     let pictures = pictures.filter(|p| p.iter().flatten().flatten().all(|v| v.is_finite() && *v >= 0.0))?;
     let albedo = reader.take(2, f64::from_le_bytes)?;
     reader.0.is_empty().then_some(Stored { table, pictures, albedo: [albedo[0], albedo[1]] })

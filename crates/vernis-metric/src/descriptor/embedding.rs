@@ -11,7 +11,8 @@
 
 use super::DescriptorError;
 use crate::light::node_table::{NODES, NodeTable};
-use crate::math::color::luminance;
+use crate::math::Rgb;
+use crate::math::color::{LUMINANCE_REC709, luminance};
 use crate::math::layers::{Activation, Dense, LayerMismatch, check_layers, forward};
 use serde::{Deserialize, Serialize};
 
@@ -38,8 +39,8 @@ pub enum LogSpace {
 
 /// The log-mapped table, three numbers a node, node by node.
 pub fn log_map(table: &NodeTable, space: LogSpace) -> Vec<f64> {
-    let node = |f: &[f32; 3]| {
-        let f = f.map(f64::from);
+    let node = |f: &Rgb| {
+        let f = *f;
         let [r, g, b] = f.map(|v| (v + FLOOR).ln());
         match space {
             LogSpace::Rgb => [r, g, b],
@@ -114,11 +115,51 @@ impl Embedding {
 
     /// Coordinates of a BRDF.
     pub fn coordinates(&self, table: &NodeTable) -> Vec<f64> {
+        forward(&self.0.layers, Activation::LeakyRelu { slope: self.0.slope }, &self.project(table))
+    }
+
+    /// C (x - mean).
+    fn project(&self, table: &NodeTable) -> Vec<f64> {
         let x = log_map(table, self.0.space);
         let centred: Vec<f64> = x.iter().zip(&self.0.mean).map(|(x, m)| x - f64::from(*m)).collect();
         let project = |c: &Vec<f32>| -> f64 { c.iter().zip(&centred).map(|(c, x)| f64::from(*c) * x).sum() };
-        let z: Vec<f64> = self.0.components.iter().map(project).collect();
-        forward(&self.0.layers, Activation::LeakyRelu { slope: self.0.slope }, &z)
+        self.0.components.iter().map(project).collect()
+    }
+
+    /// The derivative of a number by the values of a table, one triple a node, from its derivative by the coordinates. At the
+    /// corner of the leaky ReLU the slope is the one above it.
+    pub(super) fn transpose(&self, table: &NodeTable, by_coordinate: &[f64]) -> Vec<Rgb> {
+        // What went into each layer, before the activation.
+        let activation = Activation::LeakyRelu { slope: self.0.slope };
+        let mut inputs = vec![self.project(table)];
+        for (i, layer) in self.0.layers.iter().enumerate() {
+            let x: Vec<f64> = inputs[i].iter().map(|x| if i > 0 { activation.apply(*x) } else { *x }).collect();
+            inputs.push(layer.apply(&x));
+        }
+        let mut by = by_coordinate.to_vec();
+        for (i, layer) in self.0.layers.iter().enumerate().rev() {
+            let mut by_input = vec![0.0; layer.inputs];
+            for (row, by) in layer.weights.chunks_exact(layer.inputs).zip(&by) {
+                by_input.iter_mut().zip(row).for_each(|(to, w)| *to += w * by);
+            }
+            if i > 0 {
+                let slope = |x: f64| if self.0.slope * x > x { self.0.slope } else { 1.0 };
+                by_input.iter_mut().zip(&inputs[i]).for_each(|(to, x)| *to *= slope(*x));
+            }
+            by = by_input;
+        }
+        let mut by_log = vec![0.0; INPUTS];
+        for (component, by) in self.0.components.iter().zip(by) {
+            by_log.iter_mut().zip(component).for_each(|(to, c)| *to += f64::from(*c) * by);
+        }
+        let of_node = |(f, by): (&Rgb, &[f64; 3])| {
+            let (by_y, of_channel) = match self.0.space {
+                LogSpace::Rgb => (0.0, *by),
+                LogSpace::Opponent => (by[0] / (luminance(*f) + FLOOR), [by[1], -by[1] - by[2], by[2]]),
+            };
+            std::array::from_fn(|c| by_y * LUMINANCE_REC709[c] + of_channel[c] / (f[c] + FLOOR))
+        };
+        table.values().iter().zip(by_log.as_chunks::<3>().0).map(of_node).collect()
     }
 
     /// Coordinates of the candidate minus those of the reference.
@@ -146,6 +187,7 @@ impl From<Embedding> for EmbeddingParts {
 mod tests {
     use super::*;
     use crate::descriptor::constant::Constant;
+    use crate::light::Sampling;
 
     fn parts() -> EmbeddingParts {
         // The mean of each channel over the nodes.
@@ -162,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_projection_on_channel_means_reads_the_constants() {
-        let table = |c| NodeTable::sample(&Constant(c)).unwrap();
+        let table = |c| NodeTable::sample(&Constant(c), Sampling::Averages).unwrap();
         let (a, b) = (table([0.1, 0.2, 0.4]), table([0.2, 0.2, 0.1]));
         let pca = Embedding::new(parts()).unwrap();
         let d = pca.differences(&a, &b);
@@ -175,6 +217,35 @@ mod tests {
         let encoder = Embedding::new(EmbeddingParts { layers: vec![first, layer(2.0, 1.0)], ..parts() }).unwrap();
         // ln(0.101) is negative and passes the leaky ReLU with slope 0.1.
         assert!((encoder.coordinates(&a)[0] - (0.2 * 0.101f64.ln() + 1.0)).abs() < 1e-5);
+    }
+
+    #[test]
+    fn slopes_are_those_of_central_differences() {
+        let table = NodeTable::sample(&Constant([0.1, 0.2, 0.4]), Sampling::Averages).unwrap();
+        let scaled = |step: f64| {
+            let value = |n: usize, v: &Rgb| -> Rgb {
+                std::array::from_fn(|c| v[c] * (1.0 + step * (n + c) as f64 / NODES as f64))
+            };
+            let values = table.values().iter().enumerate().map(|(n, v)| value(n, v)).collect();
+            NodeTable::from_parts(values, table.sampled().to_vec()).unwrap()
+        };
+        let first = Dense { inputs: 3, outputs: 2, weights: vec![1.0, 0.0, 0.3, -1.0, 2.0, 0.1], bias: vec![0.0, 0.2] };
+        let second = Dense { inputs: 2, outputs: 1, weights: vec![2.0, 0.7], bias: vec![0.0] };
+        for space in [LogSpace::Rgb, LogSpace::Opponent] {
+            for layers in [vec![], vec![first.clone(), second.clone()]] {
+                let embedding = Embedding::new(EmbeddingParts { space, layers, ..parts() }).unwrap();
+                let by: Vec<f64> = (0..embedding.dimension()).map(|k| 1.0 - 0.4 * k as f64).collect();
+                let value = |step: f64| -> f64 {
+                    embedding.coordinates(&scaled(step)).iter().zip(&by).map(|(z, by)| z * by).sum()
+                };
+                let slopes = embedding.transpose(&table, &by);
+                let along = scaled(1.0);
+                let moved = along.values().iter().flatten().zip(table.values().iter().flatten()).map(|(a, b)| a - b);
+                let found: f64 = moved.zip(slopes.iter().flatten()).map(|(d, by)| d * by).sum();
+                let expected = (value(1e-4) - value(-1e-4)) / 2e-4;
+                assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+            }
+        }
     }
 
     #[test]

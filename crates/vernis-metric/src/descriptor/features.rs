@@ -1,63 +1,83 @@
 //! Everything that depends on one BRDF alone.
 
-use super::angular::AngularProfile;
-use super::context::{Context, context};
-use super::display::Displayed;
-use super::picture::Picture;
 use super::wasserstein::ValueQuantiles;
-use super::{DescriptorError, Setup};
+use super::{DescriptorError, Setup, comparison, v1};
 use crate::brdf::Brdf;
-use crate::light::node_table::NodeTable;
+use crate::light::{NodeTable, Sites};
 use crate::math::Rgb;
 use crate::math::color::luminance;
+use std::borrow::Cow;
 
 /// What is worth keeping in a cache: the samples of a BRDF and the pictures and albedos they give.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stored {
     pub table: NodeTable,
     /// Linear RGB radiance, `[light][pixel]`.
-    pub pictures: Vec<Vec<[f32; 3]>>,
+    pub pictures: Vec<Vec<Rgb>>,
     /// Luminance albedo from 0 and 60 deg.
     pub albedo: [f64; 2],
+}
+
+/// What comparisons use, by version of the descriptors.
+#[derive(Debug, Clone)]
+pub(super) enum Derived {
+    V1(v1::Derived),
+    V2(comparison::Derived),
 }
 
 /// A BRDF ready to be compared.
 #[derive(Debug, Clone)]
 pub struct BrdfFeatures {
     pub(super) stored: Stored,
-    pub(super) pictures: Vec<Picture>,
-    pub(super) displayed: Vec<Displayed>,
-    pub(super) angular: AngularProfile,
-    pub(super) context: Context,
+    pub(super) derived: Derived,
     pub(super) quantiles: ValueQuantiles,
 }
 
 impl BrdfFeatures {
     /// Samples `brdf` and takes its pictures. Errors: see [`NodeTable::sample`].
     pub fn compute(brdf: &dyn Brdf, setup: &Setup) -> Result<Self, DescriptorError> {
-        let table = NodeTable::sample(brdf)?;
+        Ok(Self::of_table(NodeTable::sample(brdf, setup.sampling())?, setup))
+    }
+
+    /// The features of a BRDF that is given by its values (linear RGB, 1/sr) at the directions of [`Sites::of`] the setup's sampling.
+    /// Negative values count as 0.
+    ///
+    /// # Errors
+    /// [`DescriptorError::Length`] for another number of values; a value that is not finite.
+    pub fn of_values(values: &[Rgb], setup: &Setup) -> Result<Self, DescriptorError> {
+        let sites = Sites::of(setup.sampling());
+        if values.len() != sites.len() {
+            let what = "values of the BRDF";
+            return Err(DescriptorError::Length { what, found: values.len(), expected: sites.len() });
+        }
+        let values: Cow<'_, [Rgb]> = match setup.version() {
+            // What descriptors of version 1 are made from.
+            1 => values.iter().map(|value| value.map(|v| f64::from(v as f32))).collect(),
+            _ => values.into(),
+        };
+        Ok(Self::of_table(NodeTable::of_values(sites, &values)?, setup))
+    }
+
+    /// Takes the pictures of a table, which was sampled as `setup` samples.
+    pub fn of_table(table: NodeTable, setup: &Setup) -> Self {
         let operators = setup.operators();
-        let pictures = operators.pictures.apply(table.values());
-        let pictures = pictures.iter().map(|p| p.iter().map(|c| c.map(|v| v as f32)).collect()).collect();
+        let mut pictures = operators.pictures.apply(table.values());
+        if setup.version() == 1 {
+            pictures.iter_mut().flatten().flatten().for_each(|v| *v = f64::from(*v as f32));
+        }
         let albedo = &operators.albedo.apply(table.values())[0];
         let albedo = [luminance(albedo[0]), luminance(albedo[1])];
-        Ok(Self::from_stored(Stored { table, pictures, albedo }, setup))
+        Self::from_stored(Stored { table, pictures, albedo }, setup)
     }
 
     /// Derives from the stored part what comparisons use.
     pub(super) fn from_stored(stored: Stored, setup: &Setup) -> Self {
-        let (pictures, displayed) = stored
-            .pictures
-            .iter()
-            .map(|picture| {
-                let radiance: Vec<Rgb> = picture.iter().map(|c| c.map(f64::from)).collect();
-                (Picture::new(setup.frame(), &radiance), Displayed::new(setup.frame(), &radiance))
-            })
-            .unzip();
-        let angular = AngularProfile::new(&stored.table);
-        let context = context(&stored.table, &angular, stored.albedo);
+        let derived = match setup.version() {
+            1 => Derived::V1(v1::Derived::new(&stored, setup.frame())),
+            _ => Derived::V2(comparison::Derived::new(&stored, setup.frame())),
+        };
         let quantiles = ValueQuantiles::new(&stored.table);
-        Self { stored, pictures, displayed, angular, context, quantiles }
+        Self { stored, derived, quantiles }
     }
 
     /// The samples of the BRDF.
@@ -65,18 +85,16 @@ impl BrdfFeatures {
         &self.stored.table
     }
 
-    /// The samples and their logarithms, as [`super::angular::ratios`] takes them.
-    pub fn angular_parts(&self) -> (&NodeTable, &AngularProfile) {
-        (&self.stored.table, &self.angular)
-    }
-
-    /// What kind of material it is, in the order of [`super::context::NAMES`].
-    pub fn context(&self) -> Context {
-        self.context
+    /// What kind of material it is, in the order of [`super::names::CONTEXT`].
+    pub fn context(&self) -> [f64; 10] {
+        match &self.derived {
+            Derived::V1(derived) => derived.context(),
+            Derived::V2(derived) => derived.context(),
+        }
     }
 
     /// Radiance of the pixels under light `light` (the last is the slot), linear RGB.
-    pub fn picture(&self, light: usize) -> &[[f32; 3]] {
+    pub fn picture(&self, light: usize) -> &[Rgb] {
         &self.stored.pictures[light]
     }
 }

@@ -3,21 +3,29 @@
 //! Everything that depends on one BRDF alone is a [`BrdfFeatures`], computed once and cached; comparing two of them takes
 //! less than a millisecond. Nothing in this room knows of scores.
 
-pub mod angular;
+mod angular;
 mod cache;
 mod column;
-pub mod compact;
+mod comparison;
 #[cfg(test)]
 mod constant;
-pub mod context;
+mod context;
 mod display;
 pub mod embedding;
 mod extract;
 mod features;
-pub mod picture;
+mod frame;
+mod gradient;
+pub mod names;
+mod norms;
+mod pair;
+mod picture;
+pub mod regions;
 mod set;
 mod setup;
 mod setup_id;
+mod smooth;
+mod v1;
 pub mod wasserstein;
 
 pub use cache::{Cache, CacheWarning};
@@ -58,6 +66,10 @@ pub enum DescriptorError {
     Embedding { name: String, what: String, found: usize, expected: usize },
     #[error("the comparison gave {found} numbers; it must give {expected}")]
     Columns { found: usize, expected: usize },
+    #[error("the number of {what} is {found}; it must be {expected}")]
+    Length { what: &'static str, found: usize, expected: usize },
+    #[error("{what} have no derivative")]
+    NoDerivative { what: String },
     #[error(transparent)]
     Open(#[from] BrdfError),
     #[error("{notation}: {cause}")]

@@ -1,364 +1,241 @@
-//! What a viewer would compare in two pictures of a shape: differences in an opponent log space.
+//! A picture of a shape in an opponent log space, with everything that comparing it needs, and the way back to its radiance.
 //!
 //!   Y = 0.2126 R + 0.7152 G + 0.0722 B; L = 20 ln(Y + 0.01); c1 = 20 ln((R + 0.01) / (G + 0.01)); c2 = 20 ln((B + 0.01) / (G + 0.01)).
 //!
-//! A is the reference, B the candidate, d = B - A, w the weight of a pixel (the share of the shape with that normal),
-//! e = |(dL, dc1, dc2)|, sA, sB and cov the weighted deviations and covariance of L; q the quantiles (i + 0.5) / 64 of L.
-//! Local moments are over 7 x 7 windows around each pixel of the disc, on a pyramid of 2 x 2 means; pixels off the disc
-//! take no part. The structure and contrast terms are those of SSIM (Wang et al. 2004, doi:10.1109/TIP.2003.819861,
-//! eqs. 9 and 10) with the constant 9.
+//! With w the weight of a pixel (the share of the shape with that normal):
 //!
-//! Cost: about 20 microseconds a pair and light once each picture has been prepared.
+//! * soft quantiles (1/beta) ln sum w exp(beta L) for beta = -0.08, -0.025, 0.03, 0.12: means of L that lean towards the dark or the
+//!   bright pixels, in place of the darkest quarter, the middle half, the bright fifth and the brightest sixteenth;
+//! * the soft distribution function F(t) = sum w / (1 + exp((L - t) / 3)) at 26 levels t from -92 to 58;
+//! * local moments of L over the windows of [`super::frame`], at scales 0, 2 and 3; ln of the mean of sqrt(s^2 + 0.25) over windows.
+//!
+//! Cost: about 150 microseconds a picture, as much again for the way back.
 
-use crate::light::shape::{SIDE, Shape};
+use super::frame::{Frame, Level};
+use super::smooth::{mean, spread, weighted_mean};
+use crate::light::shape::SIDE;
 use crate::math::Rgb;
-use crate::math::color::luminance;
+use crate::math::color::{LUMINANCE_REC709, luminance};
 
 const GAIN: f64 = 20.0;
 const FLOOR: f64 = 0.01;
-const QUANTILES: usize = 64;
-const WINDOW_RADIUS: usize = 3;
-const STABILISER: f64 = 9.0;
-const SCALES: usize = 4;
+/// beta of the soft quantiles, from the darkest to the brightest.
+const LEANINGS: [f64; 4] = [-0.08, -0.025, 0.03, 0.12];
+/// Levels of the soft distribution function.
+pub(super) const LEVELS: usize = 26;
+/// The lowest level, and the distance of two.
+const LOWEST: f64 = -92.0;
+pub(super) const STEP: f64 = 6.0;
+/// How far a level is blurred.
+const BLUR: f64 = STEP / 2.0;
+/// Added to a local variance, so that its root has a slope in flat windows.
+const LOCAL_FLOOR: f64 = 0.25;
+/// Scale whose windows give the coarse local deviation, and the one that gives the local means.
+const COARSE: usize = 2;
+const COARSEST: usize = 3;
 
-/// Quantile groups that have a name.
-pub const QUANTILE_GROUPS: [(usize, usize); 4] = [(0, 15), (16, 47), (48, 59), (60, 63)];
-
-/// The pixels of a picture at one level of the pyramid.
+/// A scale of the pyramid: L, 0 off the disc, with mean and variance in each window.
 #[derive(Debug, Clone)]
-struct Level {
-    side: usize,
-    /// Share of each pixel that lies on the disc, 0 to 1.
-    coverage: Vec<f64>,
-    /// Positions of the pixels with any share.
-    cells: Vec<usize>,
-    /// Covered area in the window of each entry of `cells`, pixels.
-    window: Vec<f64>,
+pub(super) struct Local {
+    pub image: Vec<f64>,
+    pub mean: Vec<f64>,
+    pub variance: Vec<f64>,
 }
 
-/// The geometry of the windows, the same for every picture of a shape.
-#[derive(Debug, Clone)]
-pub struct Frame {
-    weights: Vec<f64>,
-    levels: Vec<Level>,
-}
-
-impl Level {
-    fn new(side: usize, coverage: Vec<f64>) -> Self {
-        let cells: Vec<usize> = (0..side * side).filter(|&c| coverage[c] > 0.0).collect();
-        let areas = window_sums(side, &coverage);
-        let window = cells.iter().map(|&c| areas[c]).collect();
-        Self { side, coverage, cells, window }
+impl Local {
+    fn new(level: &Level, image: Vec<f64>) -> Self {
+        let mean = level.window_means(&level.cover(image.iter().copied()));
+        let squares = level.window_means(&level.cover(image.iter().map(|l| l * l)));
+        let variance = squares.iter().zip(&mean).map(|(s, m)| s - m * m).collect();
+        Self { image, mean, variance }
     }
 
-    /// Mean over the window of each pixel of an image that has been multiplied by the coverage.
-    fn window_means(&self, covered: &[f64]) -> Vec<f64> {
-        let sums = window_sums(self.side, covered);
-        self.cells.iter().zip(&self.window).map(|(&c, area)| sums[c] / area).collect()
+    /// ln of the mean local deviation.
+    fn log_deviation(&self) -> f64 {
+        mean(self.variance.iter().map(|v| (v + LOCAL_FLOOR).sqrt())).ln()
     }
 
-    /// `image` times coverage.
-    fn cover(&self, image: impl Iterator<Item = f64>) -> Vec<f64> {
-        self.coverage.iter().zip(image).map(|(share, v)| share * v).collect()
-    }
-}
-
-/// Sums over 7 x 7 windows, clipped at the border.
-fn window_sums(side: usize, image: &[f64]) -> Vec<f64> {
-    let span = |at: usize| at.saturating_sub(WINDOW_RADIUS)..(at + WINDOW_RADIUS + 1).min(side);
-    let mut horizontal = vec![0.0; side * side];
-    for row in 0..side {
-        for column in 0..side {
-            horizontal[row * side + column] = image[row * side..][span(column)].iter().sum();
-        }
-    }
-    let mut sums = vec![0.0; side * side];
-    for row in 0..side {
-        for r in span(row) {
-            for column in 0..side {
-                sums[row * side + column] += horizontal[r * side + column];
-            }
-        }
-    }
-    sums
-}
-
-/// Means of 2 x 2 blocks.
-fn block_means(side: usize, image: &[f64]) -> Vec<f64> {
-    let half = side / 2;
-    (0..half * half)
-        .map(|c| {
-            let at = 2 * (c / half) * side + 2 * (c % half);
-            0.25 * (image[at] + image[at + 1] + image[at + side] + image[at + side + 1])
-        })
-        .collect()
-}
-
-impl Frame {
-    /// Prepares the windows for pictures of `shape`.
-    pub fn new(shape: &Shape) -> Self {
-        let mut coverage = vec![0.0; SIDE * SIDE];
-        shape.cells().iter().for_each(|&c| coverage[c] = 1.0);
-        let mut levels = vec![Level::new(SIDE, coverage)];
-        for scale in 1..SCALES {
-            let finer = &levels[scale - 1];
-            levels.push(Level::new(finer.side / 2, block_means(finer.side, &finer.coverage)));
-        }
-        Self { weights: shape.weights().to_vec(), levels }
+    /// Adds to the slopes by the image those that come through the variances.
+    pub fn add_variances_transposed(&self, level: &Level, by_variance: &[f64], by_image: &mut [f64]) {
+        let mut through = vec![0.0; self.image.len()];
+        level.add_transposed(by_variance.iter().copied(), &mut through);
+        by_image.iter_mut().zip(through).zip(&self.image).for_each(|((to, by), l)| *to += 2.0 * l * by);
+        level.add_transposed(by_variance.iter().zip(&self.mean).map(|(by, m)| -2.0 * m * by), by_image);
     }
 
-    /// Share of the shape that each pixel shows.
-    pub(super) fn weights(&self) -> &[f64] {
-        &self.weights
+    /// The slopes by the variances that come through [`Local::log_deviation`].
+    fn log_deviation_slopes(&self, by: f64) -> impl Iterator<Item = f64> {
+        let sum: f64 = self.variance.iter().map(|v| (v + LOCAL_FLOOR).sqrt()).sum();
+        self.variance.iter().map(move |v| by * 0.5 / ((v + LOCAL_FLOOR).sqrt() * sum))
     }
-
-    /// Means over the covered part of each 2 x 2 block of a picture on level `scale - 1`.
-    fn reduce(&self, scale: usize, image: &[f64]) -> Vec<f64> {
-        let finer = &self.levels[scale - 1];
-        let covered = block_means(finer.side, &finer.cover(image.iter().copied()));
-        let share = |(v, c): (f64, &f64)| if *c > 0.0 { v / c } else { 0.0 };
-        covered.into_iter().zip(&self.levels[scale].coverage).map(share).collect()
-    }
-}
-
-/// Mean and variance of L over every window of a level.
-#[derive(Debug, Clone, Default)]
-struct Local {
-    mean: Vec<f64>,
-    variance: Vec<f64>,
 }
 
 /// A picture with everything that comparing it needs.
 #[derive(Debug, Clone)]
-pub struct Picture {
-    lightness: Vec<f64>,
-    chroma: Vec<[f64; 2]>,
-    /// L on the whole 32 x 32 grid, 0 off the disc.
-    image: Vec<f64>,
-    mean: f64,
-    variance: f64,
-    quantiles: [f64; QUANTILES],
-    local: Vec<Local>,
+pub(super) struct Picture {
+    pub lightness: Vec<f64>,
+    /// c1, c2.
+    pub chroma: Vec<[f64; 2]>,
+    pub mean: f64,
+    /// sqrt(variance + 1) of L.
+    pub spread: f64,
+    pub quantiles: [f64; 4],
+    pub distribution: [f64; LEVELS],
+    /// Scales 0 and 2.
+    pub fine: Local,
+    pub coarse: Local,
+    /// ln of the mean local deviation at scales 0 and 2.
+    pub log_deviation: [f64; 2],
+    /// Window means at scale 3.
+    pub coarsest: Vec<f64>,
 }
 
-fn weighted_mean(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
-    weights.iter().zip(values).map(|(w, v)| w * v).sum()
+/// The derivative of a number by the parts of a [`Picture`], collected before it is taken back to the radiance.
+pub(super) struct PictureSlopes {
+    pub lightness: Vec<f64>,
+    pub chroma: Vec<[f64; 2]>,
+    pub quantiles: [f64; 4],
+    pub distribution: [f64; LEVELS],
+    /// By L on the grid of scale 0.
+    pub fine: Vec<f64>,
+    /// By the variance of each window at scale 0.
+    pub fine_variance: Vec<f64>,
+    pub log_deviation: [f64; 2],
+    pub coarsest: Vec<f64>,
 }
 
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let n = values.len() as f64;
-    values.sum::<f64>() / n
+impl PictureSlopes {
+    /// All zero, for a picture like `picture`.
+    pub fn zero(picture: &Picture) -> Self {
+        Self {
+            lightness: vec![0.0; picture.lightness.len()],
+            chroma: vec![[0.0; 2]; picture.chroma.len()],
+            quantiles: [0.0; 4],
+            distribution: [0.0; LEVELS],
+            fine: vec![0.0; SIDE * SIDE],
+            fine_variance: vec![0.0; picture.fine.variance.len()],
+            log_deviation: [0.0; 2],
+            coarsest: vec![0.0; picture.coarsest.len()],
+        }
+    }
 }
 
 impl Picture {
     /// From the linear RGB radiance of the pixels of the frame.
     pub fn new(frame: &Frame, radiance: &[Rgb]) -> Self {
+        let w = frame.weights();
         let lightness: Vec<f64> = radiance.iter().map(|c| GAIN * (luminance(*c) + FLOOR).ln()).collect();
-        let ratio = |a: f64, b: f64| GAIN * ((a + FLOOR) / (b + FLOOR)).ln();
-        let chroma = radiance.iter().map(|c| [ratio(c[0], c[1]), ratio(c[2], c[1])]).collect();
-        let mut image = vec![0.0; SIDE * SIDE];
-        frame.levels[0].cells.iter().zip(&lightness).for_each(|(&c, l)| image[c] = *l);
-        let w = &frame.weights;
+        let of_pixel = |c: &Rgb| {
+            let [r, g, b] = c.map(|v| (v + FLOOR).ln());
+            [GAIN * (r - g), GAIN * (b - g)]
+        };
+        let chroma = radiance.iter().map(of_pixel).collect();
         let mean = weighted_mean(w, lightness.iter().copied());
         let variance = weighted_mean(w, lightness.iter().map(|l| (l - mean) * (l - mean)));
-        let quantiles = quantiles(w, &lightness);
-        let mut local = Vec::new();
-        let mut level_image = image.clone();
-        for (scale, level) in frame.levels.iter().enumerate() {
-            if scale > 0 {
-                level_image = frame.reduce(scale, &level_image);
-            }
-            let mean = level.window_means(&level.cover(level_image.iter().copied()));
-            let squares = level.window_means(&level.cover(level_image.iter().map(|l| l * l)));
-            let variance = squares.iter().zip(&mean).map(|(s, m)| (s - m * m).max(0.0)).collect();
-            local.push(Local { mean, variance });
-        }
-        Self { lightness, chroma, image, mean, variance, quantiles, local }
-    }
-}
-
-/// Quantiles (i + 0.5) / 64 of `values` under `weights`, linear between the middles of the steps.
-fn quantiles(weights: &[f64], values: &[f64]) -> [f64; QUANTILES] {
-    let mut order: Vec<usize> = (0..values.len()).filter(|&i| weights[i] > 0.0).collect();
-    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-    let mut below = 0.0;
-    let middles: Vec<(f64, f64)> = order
-        .iter()
-        .map(|&i| {
-            let middle = below + 0.5 * weights[i];
-            below += weights[i];
-            (middle, values[i])
-        })
-        .collect();
-    let mut at = 0;
-    std::array::from_fn(|q| {
-        let p = (q as f64 + 0.5) / QUANTILES as f64;
-        while at + 1 < middles.len() && middles[at + 1].0 < p {
-            at += 1;
-        }
-        let (p0, v0) = middles[at];
-        let (p1, v1) = middles[(at + 1).min(middles.len() - 1)];
-        if p1 > p0 { v0 + (v1 - v0) * ((p - p0) / (p1 - p0)).clamp(0.0, 1.0) } else { v0 }
-    })
-}
-
-/// Differences of two pictures of the same shape and light, all exactly 0 for equal pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PictureDifference {
-    /// Mean of e.
-    pub mean: f64,
-    /// (sum w e^4)^(1/4).
-    pub fourth_power_mean: f64,
-    /// Mean of |dL|.
-    pub absolute_lightness: f64,
-    /// Mean of |(dc1, dc2)|.
-    pub chroma: f64,
-    /// Mean of dL.
-    pub signed_lightness: f64,
-    /// |(mean dc1, mean dc2)|.
-    pub chroma_shift: f64,
-    /// ln((sB + 1) / (sA + 1)).
-    pub deviation: f64,
-    /// 1 - (cov + 1) / (sA sB + 1).
-    pub decorrelation: f64,
-    /// sqrt(sA^2 + sB^2 - 2 cov): the deviation of dL.
-    pub centred_rms: f64,
-    /// Mean difference of the quantiles of each of [`QUANTILE_GROUPS`].
-    pub quantiles: [f64; 4],
-    /// Mean absolute difference of all 64 quantiles.
-    pub quantile_distance: f64,
-    /// 1 - mean((cov + 9) / (sA sB + 9)) over windows.
-    pub structure: f64,
-    /// 1 - mean((2 sA sB + 9) / (sA^2 + sB^2 + 9)) over windows.
-    pub contrast: f64,
-    /// ln((mean sB + 0.5) / (mean sA + 0.5)) over windows at scales 0 and 2.
-    pub local_deviation: [f64; 2],
-    /// Mean |difference of the window means| at scale 3.
-    pub local_mean: f64,
-}
-
-impl PictureDifference {
-    /// Candidate `b` against reference `a`.
-    pub fn new(frame: &Frame, a: &Picture, b: &Picture) -> Self {
-        let w = &frame.weights;
-        let lightness = || a.lightness.iter().zip(&b.lightness).map(|(a, b)| b - a);
-        let chroma = || a.chroma.iter().zip(&b.chroma).map(|(a, b)| [b[0] - a[0], b[1] - a[1]]);
-        let total = || lightness().zip(chroma()).map(|(l, c)| (l * l + c[0] * c[0] + c[1] * c[1]).sqrt());
-        let shift = |k: usize| weighted_mean(w, chroma().map(|c| c[k]));
-        let pairs = a.lightness.iter().zip(&b.lightness);
-        let covariance = weighted_mean(w, pairs.map(|(x, y)| (x - a.mean) * (y - b.mean)));
-        // The root of a product of variances, not the product of roots: exact where they are equal.
-        let product = (a.variance * b.variance).sqrt();
-        let (structure, contrast) = Self::structure_and_contrast(frame, a, b);
-        let local = |scale: usize, p: &Picture| mean(p.local[scale].variance.iter().map(|v| v.sqrt()));
-        let local_deviation = [0, 2].map(|s| ((local(s, b) + 0.5) / (local(s, a) + 0.5)).ln());
+        let mut image = vec![0.0; SIDE * SIDE];
+        frame.levels[0].cells.iter().zip(&lightness).for_each(|(&c, l)| image[c] = *l);
+        let halved = frame.reduce(1, &image);
+        let coarse = Local::new(&frame.levels[COARSE], frame.reduce(COARSE, &halved));
+        let coarsest = &frame.levels[COARSEST];
+        let fine = Local::new(&frame.levels[0], image);
         Self {
-            mean: weighted_mean(w, total()),
-            fourth_power_mean: weighted_mean(w, total().map(|e| e.powi(4))).sqrt().sqrt(),
-            absolute_lightness: weighted_mean(w, lightness().map(f64::abs)),
-            chroma: weighted_mean(w, chroma().map(|c| c[0].hypot(c[1]))),
-            signed_lightness: weighted_mean(w, lightness()),
-            chroma_shift: shift(0).hypot(shift(1)),
-            deviation: ((b.variance.sqrt() + 1.0) / (a.variance.sqrt() + 1.0)).ln(),
-            decorrelation: (product - covariance) / (product + 1.0),
-            centred_rms: (a.variance + b.variance - 2.0 * covariance).max(0.0).sqrt(),
-            quantiles: QUANTILE_GROUPS
-                .map(|(first, last)| mean((first..last + 1).map(|q| b.quantiles[q] - a.quantiles[q]))),
-            quantile_distance: mean(a.quantiles.iter().zip(&b.quantiles).map(|(a, b)| (b - a).abs())),
-            structure,
-            contrast,
-            local_deviation,
-            local_mean: mean(a.local[3].mean.iter().zip(&b.local[3].mean).map(|(a, b)| (b - a).abs())),
+            mean,
+            spread: spread(variance),
+            quantiles: LEANINGS.map(|beta| soft_quantile(w, &lightness, beta)),
+            distribution: distribution(w, &lightness),
+            log_deviation: [fine.log_deviation(), coarse.log_deviation()],
+            coarsest: coarsest.window_means(&coarsest.cover(frame.reduce(COARSEST, &coarse.image).into_iter())),
+            lightness,
+            chroma,
+            fine,
+            coarse,
         }
     }
 
-    fn structure_and_contrast(frame: &Frame, a: &Picture, b: &Picture) -> (f64, f64) {
-        let level = &frame.levels[0];
-        let products = level.window_means(&level.cover(a.image.iter().zip(&b.image).map(|(a, b)| a * b)));
-        let (la, lb) = (&a.local[0], &b.local[0]);
-        let (mut structure, mut contrast) = (0.0, 0.0);
-        for (i, product) in products.iter().enumerate() {
-            let (va, vb) = (la.variance[i], lb.variance[i]);
-            let deviations = (va * vb).sqrt();
-            // Rounding may break the Cauchy-Schwarz inequality in flat windows.
-            let covariance = (product - la.mean[i] * lb.mean[i]).clamp(-deviations, deviations);
-            structure += (deviations - covariance) / (deviations + STABILISER);
-            contrast += (va + vb - 2.0 * deviations) / (va + vb + STABILISER);
+    /// The slopes by the radiance of every pixel, from those by the parts of this picture.
+    pub fn transpose(&self, frame: &Frame, radiance: &[Rgb], mut by: PictureSlopes) -> Vec<Rgb> {
+        let w = frame.weights();
+        let [fine, coarse, coarsest] = [0, COARSE, COARSEST].map(|scale| &frame.levels[scale]);
+        let mut by_coarsest = vec![0.0; coarsest.side * coarsest.side];
+        coarsest.add_transposed(by.coarsest.iter().copied(), &mut by_coarsest);
+        let mut by_coarse = frame.reduce_transposed(COARSEST, &by_coarsest);
+        let by_variance: Vec<f64> = self.coarse.log_deviation_slopes(by.log_deviation[1]).collect();
+        self.coarse.add_variances_transposed(coarse, &by_variance, &mut by_coarse);
+        let by_image = frame.reduce_transposed(1, &frame.reduce_transposed(COARSE, &by_coarse));
+        by.fine.iter_mut().zip(by_image).for_each(|(to, by)| *to += by);
+        let of_deviation = self.fine.log_deviation_slopes(by.log_deviation[0]);
+        by.fine_variance.iter_mut().zip(of_deviation).for_each(|(to, by)| *to += by);
+        self.fine.add_variances_transposed(fine, &by.fine_variance, &mut by.fine);
+
+        fine.cells.iter().zip(&mut by.lightness).for_each(|(&c, to)| *to += by.fine[c]);
+        for (beta, slope) in LEANINGS.into_iter().zip(by.quantiles).filter(|(_, slope)| *slope != 0.0) {
+            add_soft_quantile_slopes(w, &self.lightness, beta, slope, &mut by.lightness);
         }
-        (structure / products.len() as f64, contrast / products.len() as f64)
+        if by.distribution.iter().any(|slope| *slope != 0.0) {
+            add_distribution_slopes(w, &self.lightness, &by.distribution, &mut by.lightness);
+        }
+        let of_pixel = |((c, by_l), by_c): ((&Rgb, &f64), &[f64; 2])| {
+            let of_y = GAIN * by_l / (luminance(*c) + FLOOR);
+            let of_channel = [by_c[0], -by_c[0] - by_c[1], by_c[1]];
+            std::array::from_fn(|k| of_y * LUMINANCE_REC709[k] + GAIN * of_channel[k] / (c[k] + FLOOR))
+        };
+        radiance.iter().zip(&by.lightness).zip(&by.chroma).map(of_pixel).collect()
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// The largest of beta L where a pixel has weight, so that no exponential is too large.
+fn largest(weights: &[f64], lightness: &[f64], beta: f64) -> f64 {
+    let weighted = weights.iter().zip(lightness).filter(|(w, _)| **w > 0.0);
+    weighted.map(|(_, l)| beta * l).fold(f64::NEG_INFINITY, f64::max)
+}
 
-    fn frame() -> (Shape, Frame) {
-        let shape = Shape::sphere();
-        let frame = Frame::new(&shape);
-        (shape, frame)
-    }
+/// w exp(beta L - top); a pixel without weight may lie above the top.
+fn leaning(weight: f64, exponent: f64) -> f64 {
+    if weight > 0.0 { weight * exponent.exp() } else { 0.0 }
+}
 
-    /// A bright picture with detail at every scale.
-    fn scene(shape: &Shape) -> Vec<Rgb> {
-        let level = |c: usize| 50.0 + 40.0 * ((c % SIDE) as f64 * 0.9).sin() * ((c / SIDE) as f64 * 0.4).cos();
-        shape.cells().iter().map(|&c| [level(c), 0.8 * level(c), 0.5 * level(c)]).collect()
-    }
+/// (1/beta) ln sum w exp(beta L).
+fn soft_quantile(weights: &[f64], lightness: &[f64], beta: f64) -> f64 {
+    let top = largest(weights, lightness, beta);
+    let sum: f64 = weights.iter().zip(lightness).map(|(w, l)| leaning(*w, beta * l - top)).sum();
+    (top + sum.ln()) / beta
+}
 
-    #[test]
-    fn twice_as_bright_is_a_shift_of_lightness_alone() {
-        let (shape, frame) = frame();
-        let radiance = scene(&shape);
-        let brighter: Vec<Rgb> = radiance.iter().map(|c| c.map(|v| 2.0 * v)).collect();
-        let (a, b) = (Picture::new(&frame, &radiance), Picture::new(&frame, &brighter));
-        let d = PictureDifference::new(&frame, &a, &b);
-        // The floor of 0.01 is a thousandth of the darkest pixel.
-        let shift = 20.0 * 2f64.ln();
-        let near = |v: f64| (v - shift).abs() < 0.02;
-        assert!(near(d.mean) && near(d.fourth_power_mean) && near(d.absolute_lightness) && near(d.signed_lightness));
-        assert!(near(d.local_mean) && d.quantiles.iter().all(|q| near(*q)), "{d:?}");
-        let rest = [d.chroma, d.chroma_shift, d.deviation, d.decorrelation, d.centred_rms, d.structure, d.contrast];
-        assert!(rest.iter().chain(&d.local_deviation).all(|v| v.abs() < 0.02), "{d:?}");
-    }
+fn add_soft_quantile_slopes(weights: &[f64], lightness: &[f64], beta: f64, by: f64, by_lightness: &mut [f64]) {
+    let top = largest(weights, lightness, beta);
+    let part = |(w, l): (&f64, &f64)| leaning(*w, beta * l - top);
+    let sum: f64 = weights.iter().zip(lightness).map(part).sum();
+    by_lightness.iter_mut().zip(weights.iter().zip(lightness)).for_each(|(to, at)| *to += by * part(at) / sum);
+}
 
-    #[test]
-    fn moments_of_two_halves() {
-        let (shape, frame) = frame();
-        let grey = |l: f64| [(l / 20.0).exp() - 0.01; 3];
-        let picture = |left: f64, right: f64| {
-            let side = |c: &usize| grey(if c % SIDE < SIDE / 2 { left } else { right });
-            Picture::new(&frame, &shape.cells().iter().map(side).collect::<Vec<_>>())
-        };
-        // L is -10 and 10 in the reference, -30 and 20 in the candidate, on halves of equal size.
-        let d = PictureDifference::new(&frame, &picture(-10.0, 10.0), &picture(-30.0, 20.0));
-        let near = |v: f64, expected: f64| assert!((v - expected).abs() < 1e-9, "{v} {expected}");
-        near(d.absolute_lightness, 15.0);
-        near(d.signed_lightness, -5.0);
-        near(d.fourth_power_mean, ((20f64.powi(4) + 10f64.powi(4)) / 2.0).powf(0.25));
-        near(d.deviation, (26.0f64 / 11.0).ln());
-        near(d.decorrelation, 0.0);
-        near(d.centred_rms, 15.0);
-        near(d.quantiles[0], -20.0);
-        near(d.quantiles[3], 10.0);
-    }
+/// exp((L - t) / BLUR) at the lowest level, and the factor to the next.
+fn at_lowest(lightness: f64) -> f64 {
+    ((lightness - LOWEST) / BLUR).exp()
+}
 
-    #[test]
-    fn quantiles_of_a_ramp() {
-        let values: Vec<f64> = (0..1000).map(f64::from).collect();
-        let q = quantiles(&vec![1e-3; 1000], &values);
-        // The value at level p of 0, 1, ..., 999 with steps centred on the values is 1000 p - 0.5.
-        for (k, v) in q.iter().enumerate() {
-            assert!((v - (1000.0 * (k as f64 + 0.5) / 64.0 - 0.5)).abs() < 1e-9);
+fn distribution(weights: &[f64], lightness: &[f64]) -> [f64; LEVELS] {
+    let factor = (-STEP / BLUR).exp();
+    let mut sums = [0.0; LEVELS];
+    for (w, l) in weights.iter().zip(lightness) {
+        let mut z = at_lowest(*l);
+        for sum in &mut sums {
+            *sum += w / (1.0 + z);
+            z *= factor;
         }
     }
+    sums
+}
 
-    #[test]
-    fn windows_off_the_disc_see_the_disc_only() {
-        let (shape, frame) = frame();
-        let flat = Picture::new(&frame, &vec![[0.3; 3]; shape.len()]);
-        let l = 20.0 * 0.31f64.ln();
-        for local in &flat.local {
-            assert!(local.mean.iter().all(|m| (m - l).abs() < 1e-9) && local.variance.iter().all(|v| *v < 1e-9));
+fn add_distribution_slopes(weights: &[f64], lightness: &[f64], by: &[f64; LEVELS], by_lightness: &mut [f64]) {
+    let factor = (-STEP / BLUR).exp();
+    for ((w, l), to) in weights.iter().zip(lightness).zip(by_lightness) {
+        let mut z = at_lowest(*l);
+        let mut sum = 0.0;
+        for by in by {
+            let share = 1.0 / (1.0 + z);
+            sum += by * share * (1.0 - share);
+            z *= factor;
         }
+        *to -= w * sum / BLUR;
     }
 }

@@ -1,10 +1,10 @@
 //! Which descriptors a metric uses: named families, in order.
 
-use super::angular::{self, REGIONS, region_limits, region_name};
-use super::compact::{self, ABSOLUTE_REGIONS, LIGHTS, SIGNED_REGIONS, SLOT, SLOT_DETAIL};
 use super::embedding::Embedding;
-use super::features::BrdfFeatures;
-use super::{DescriptorError, Setup, context, display, wasserstein};
+use super::features::{BrdfFeatures, Derived};
+use super::names::{ABSOLUTE_REGIONS, CONTEXT, DISPLAY, LIGHTS, NORMS, SIGNED_REGIONS, SLOT, SLOT_DETAIL};
+use super::regions::{REGIONS, region, region_limits, region_name};
+use super::{DescriptorError, Setup, comparison, v1, wasserstein};
 use crate::descriptor::{Column, Role};
 use serde::{Deserialize, Serialize};
 
@@ -52,11 +52,13 @@ pub enum Family {
     AngularFull,
     /// Distances of value distributions, 4.
     Wasserstein,
+    /// Those of the other families that are norms of a difference, not rounded off at 0, 18. Each is a pseudo-metric.
+    Norms,
 }
 
 impl Family {
     /// All families, those of compact 48 first.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Lights,
         Self::Slot,
         Self::Angular,
@@ -66,6 +68,7 @@ impl Family {
         Self::Change,
         Self::AngularFull,
         Self::Wasserstein,
+        Self::Norms,
     ];
 
     /// Those of the extended set, in order.
@@ -84,6 +87,7 @@ impl Family {
             Self::Change => "change",
             Self::AngularFull => "angular-full",
             Self::Wasserstein => "wasserstein",
+            Self::Norms => "norms",
         }
     }
 
@@ -123,26 +127,25 @@ impl Family {
             describe(format!("{kind}.{}", region_name(region)), LOG, format!("{what}, {place}"), HALF_DIFFERENCE)
         };
         let named = |kind: &'static str, names: &[&str]| -> Vec<Description> {
-            names.iter().filter_map(|r| angular::region(r)).map(|r| ratio(kind, r)).collect()
+            names.iter().filter_map(|r| region(r)).map(|r| ratio(kind, r)).collect()
         };
         match self {
             Self::Lights => LIGHTS.iter().map(|n| picture("mean over three layouts of lamps", n)).collect(),
             Self::Slot => SLOT.iter().map(|n| picture("under a broad overhead light", n)).collect(),
             Self::Angular => [named("sY", &SIGNED_REGIONS), named("aY", &ABSOLUTE_REGIONS)].concat(),
-            Self::Context => context::NAMES
-                .iter()
-                .map(|n| describe((*n).to_owned(), LOG, context_meaning(n), HALF_DIFFERENCE))
-                .collect(),
+            Self::Context => {
+                CONTEXT.iter().map(|n| describe((*n).to_owned(), LOG, context_meaning(n), HALF_DIFFERENCE)).collect()
+            }
             Self::SlotDetail => SLOT_DETAIL.iter().map(|n| picture("under a broad overhead light", n)).collect(),
             Self::Display => [("lamps", "mean over three layouts of lamps"), ("slot", "under a broad overhead light")]
                 .into_iter()
-                .flat_map(|(light, under)| display::NAMES.map(|n| (light, under, n)))
+                .flat_map(|(light, under)| DISPLAY.map(|n| (light, under, n)))
                 .map(|(light, under, n)| {
                     let (unit, meaning) = display_meaning(n);
                     describe(format!("{light}.{n}"), unit, format!("{meaning}, {under}"), RENDERING)
                 })
                 .collect(),
-            Self::Change => context::NAMES
+            Self::Change => CONTEXT
                 .iter()
                 .map(|n| describe((*n).to_owned(), LOG, format!("change of: {}", context_meaning(n)), HALF_DIFFERENCE))
                 .collect(),
@@ -156,6 +159,15 @@ impl Family {
                     describe((*n).to_owned(), "(1/sr)^(1/4)", meaning, "Villani 2003, remark 2.19 iii")
                 })
                 .collect(),
+            Self::Norms => {
+                let others =
+                    [Self::Lights, Self::Slot, Self::SlotDetail, Self::Display, Self::Angular].map(Self::descriptions);
+                let found = |name: &&str| others.iter().flatten().find(|d| d.column.name == *name);
+                let plain = |d: &Description| {
+                    describe(d.column.name.clone(), d.unit, format!("{}, not rounded off at 0", d.meaning), d.source)
+                };
+                NORMS.iter().filter_map(found).map(plain).collect()
+            }
         }
     }
 }
@@ -197,7 +209,7 @@ fn display_meaning(name: &str) -> (&'static str, &'static str) {
 
 fn context_meaning(name: &str) -> String {
     match name.rsplit_once('.') {
-        Some(("cx", region)) => match angular::region(region).map(region_limits) {
+        Some(("cx", region)) => match self::region(region).map(region_limits) {
             Some([h0, h1, d0, d1]) => {
                 format!("mean ln luminance of the reference, theta_h {h0} to {h1}, theta_d {d0} to {d1} deg")
             }
@@ -279,27 +291,25 @@ impl DescriptorSet {
 
     /// The descriptors of `candidate` against `reference`, in the order of [`DescriptorSet::columns`]. All finite; those
     /// that compare are exactly 0 where both are the same.
+    ///
+    /// # Panics
+    /// If one of the two was not computed under the version of `setup`.
     pub fn compare(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures, setup: &Setup) -> Vec<f64> {
-        let uses = |families: &[Family]| families.iter().any(|f| self.families.contains(f));
-        let pictures = uses(&[Family::Lights, Family::Slot]).then(|| compact::pictures(reference, candidate, setup));
-        let ratios = uses(&[Family::Angular, Family::AngularFull])
-            .then(|| angular::ratios(reference.angular_parts(), candidate.angular_parts()));
+        let frame = setup.frame();
+        let found = match (&reference.derived, &candidate.derived) {
+            (Derived::V1(a), Derived::V1(b)) => {
+                v1::compare(&self.families, (reference.table(), a), (candidate.table(), b), frame)
+            }
+            (Derived::V2(a), Derived::V2(b)) => {
+                comparison::compare(&self.families, (&reference.stored, a), (&candidate.stored, b), frame)
+            }
+            _ => panic!("reference and candidate are features of different versions"),
+        };
         let mut out = Vec::new();
-        for family in &self.families {
+        for (family, values) in self.families.iter().zip(found) {
             match family {
-                Family::Lights => out.extend(pictures.iter().flat_map(|p| p.0)),
-                Family::Slot => out.extend(pictures.iter().flat_map(|p| p.1)),
-                Family::Angular => out.extend(ratios.iter().flat_map(compact::angular)),
-                Family::Context => out.extend(reference.context()),
-                Family::SlotDetail => out.extend(compact::slot_detail(reference, candidate, setup)),
-                Family::Display => out.extend(compact::display(reference, candidate, setup)),
-                Family::Change => out.extend(candidate.context().iter().zip(reference.context()).map(|(c, r)| c - r)),
-                Family::AngularFull => {
-                    let all =
-                        |r: &angular::RegionRatios| [r.luminance, r.absolute_luminance, r.red_green, r.blue_green];
-                    out.extend(ratios.iter().flatten().flat_map(all));
-                }
                 Family::Wasserstein => out.extend(reference.quantiles.distances(&candidate.quantiles)),
+                _ => out.extend(values),
             }
         }
         for embedding in &self.embeddings {
@@ -312,23 +322,21 @@ impl DescriptorSet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::descriptor::angular::BANDS;
+    use crate::descriptor::regions::{BANDS, BINS};
     use std::collections::BTreeSet;
 
     #[test]
-    fn compact_has_the_names_of_its_own_module_and_all_names_differ() {
-        let names: Vec<String> = DescriptorSet::compact().columns().into_iter().map(|c| c.name).collect();
-        assert_eq!(names, compact::names());
-        assert_eq!(names.len(), compact::COLUMNS);
+    fn all_names_differ() {
+        assert_eq!(DescriptorSet::compact().columns().len(), 48);
         let all = DescriptorSet::all().columns();
         assert_eq!(all.iter().map(|c| &c.name).collect::<BTreeSet<_>>().len(), all.len());
         assert_eq!(DescriptorSet::extended().columns().len(), 78);
-        assert_eq!(all.len(), 78 + 4 * BINS_AND_BANDS + 4);
+        assert_eq!(all.len(), 78 + 4 * BINS_AND_BANDS + 4 + 18);
         let context = all.iter().filter(|c| c.role == Role::Context).count();
         assert_eq!(context, 10);
     }
 
-    const BINS_AND_BANDS: usize = angular::BINS * BANDS.len();
+    const BINS_AND_BANDS: usize = BINS * BANDS.len();
 
     #[test]
     fn families_are_found_by_name() {

@@ -1,19 +1,19 @@
 //! Under which lights and on which shape BRDFs are looked at: fixed once, part of every descriptor's identity.
 
 use super::DescriptorError;
-use super::picture::Frame;
+use super::frame::Frame;
 use super::setup_id::{DIGITS, SetupId};
 use crate::io::read_at_most;
-use crate::light::LightError;
 use crate::light::operator::Operator;
 use crate::light::shape::{self, Shape};
 use crate::light::source::{self, Light};
+use crate::light::{LightError, Sampling};
 use crate::math::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// Version of the descriptors. It changes whenever a number changes, so that caches and exported metrics never mix.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Layouts of the lamps, averaged.
 const LAMPS: [usize; 3] = [1, 101, 201];
@@ -57,6 +57,7 @@ pub struct DescriptorOptions {
 #[derive(Debug)]
 pub struct Setup {
     id: String,
+    version: u32,
     shape: Shape,
     frame: Frame,
     /// In place of the lamps.
@@ -77,20 +78,28 @@ fn file_id(path: &Path, most: u64, error: impl Fn(String) -> LightError) -> Resu
 }
 
 impl Setup {
-    /// The setup of the shipped metric, defined by code alone, shared by the process.
+    /// The setup of the newest version that is defined by code alone, shared by the process.
     pub fn standard() -> Arc<Self> {
-        static STANDARD: OnceLock<Arc<Setup>> = OnceLock::new();
-        STANDARD
-            .get_or_init(|| {
-                Arc::new(Self::assemble(&SetupId { version: VERSION, probe: None, mesh: None }, None, Shape::sphere()))
-            })
-            .clone()
+        Self::by_code(VERSION)
     }
 
-    /// A setup with options. Errors: a probe or mesh that cannot be read.
+    /// The setup of `version` that is defined by code alone, shared by the process.
+    fn by_code(version: u32) -> Arc<Self> {
+        static FIRST: OnceLock<Arc<Setup>> = OnceLock::new();
+        static NEWEST: OnceLock<Arc<Setup>> = OnceLock::new();
+        let make = || Arc::new(Self::assemble(&SetupId { version, probe: None, mesh: None }, None, Shape::sphere()));
+        (if version == 1 { &FIRST } else { &NEWEST }).get_or_init(make).clone()
+    }
+
+    /// A setup of the newest version with options. Errors: a probe or mesh that cannot be read.
     pub fn new(options: &DescriptorOptions) -> Result<Arc<Self>, DescriptorError> {
+        Self::of_version(VERSION, options)
+    }
+
+    /// A setup of one of the versions that this program computes.
+    pub(super) fn of_version(version: u32, options: &DescriptorOptions) -> Result<Arc<Self>, DescriptorError> {
         if *options == DescriptorOptions::default() {
-            return Ok(Self::standard());
+            return Ok(Self::by_code(version));
         }
         let (probe_hash, probe) = match &options.lights {
             Lights::Lamps => (None, None),
@@ -106,17 +115,28 @@ impl Setup {
                 (Some(id), Shape::mesh(path)?)
             }
         };
-        let id = SetupId { version: VERSION, probe: probe_hash, mesh };
+        let id = SetupId { version, probe: probe_hash, mesh };
         Ok(Arc::new(Self::assemble(&id, probe, shape)))
     }
 
     fn assemble(id: &SetupId, probe: Option<Light>, shape: Shape) -> Self {
-        Self { id: id.to_string(), frame: Frame::new(&shape), shape, probe, operators: OnceLock::new() }
+        let frame = Frame::new(&shape);
+        Self { id: id.to_string(), version: id.version, frame, shape, probe, operators: OnceLock::new() }
     }
 
     /// Version and options, safe as part of a file name.
     pub fn id(&self) -> &str {
         &self.id
+    }
+
+    /// Version of the descriptors, see [`VERSION`].
+    pub fn version(&self) -> u32 {
+        self.version
+    }
+
+    /// What the nodes of a table hold.
+    pub fn sampling(&self) -> Sampling {
+        if self.version == 1 { Sampling::Points } else { Sampling::Averages }
     }
 
     /// Number of lights; the slot is the last.
@@ -165,8 +185,8 @@ impl Setup {
             let tilted: Vec<Vec<Vec3>> =
                 ALBEDO_ANGLES.iter().map(|a| vec![Vec3::from_spherical(a.to_radians(), 0.0)]).collect();
             Operators {
-                pictures: Operator::build(&pixels, &self.build_lights()),
-                albedo: Operator::build(&tilted, &[Light::constant(1.0)]),
+                pictures: Operator::build(&pixels, &self.build_lights(), self.sampling()),
+                albedo: Operator::build(&tilted, &[Light::constant(1.0)], self.sampling()),
             }
         });
         (operators, built)

@@ -1,7 +1,7 @@
 //! The id of a setup: which version of the descriptors, under which lights, on which shape.
 //!
 //! ```text
-//! v1-lamps-sphere                                    lights and shape defined by code
+//! v2-lamps-sphere                                    lights and shape defined by code
 //! v1-probe-035d24e3e978589f-mesh-61d113fe98d8e7e4    a light probe and a mesh, by the first 16 digits of their SHA-256
 //! ```
 //!
@@ -15,7 +15,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 /// Versions of the descriptors that this program computes.
-const VERSIONS: [u32; 1] = [VERSION];
+const VERSIONS: [u32; 2] = [1, VERSION];
 /// Hexadecimal digits of a file's hash.
 pub(super) const DIGITS: usize = 16;
 
@@ -109,7 +109,8 @@ impl Setup {
             (Some(_), named @ ShapeChoice::Mesh(_)) => named.clone(),
             (Some(hash), ShapeChoice::Sphere) => return Err(missing("mesh", hash, "--shape FILE.ply")),
         };
-        let setup = Self::new(&DescriptorOptions { lights: lights.clone(), shape: shape.clone() })?;
+        let options = DescriptorOptions { lights: lights.clone(), shape: shape.clone() };
+        let setup = Self::of_version(wanted.version, &options)?;
         let found: SetupId = setup.id().parse()?;
         if let (Lights::Probe(path), Some(found), Some(wanted)) = (&lights, &found.probe, &wanted.probe)
             && found != wanted
@@ -156,10 +157,11 @@ mod tests {
     #[test]
     fn a_setup_is_found_by_its_id() {
         let find = |id: &str| Setup::find(id, &DescriptorOptions::default());
-        assert_eq!(find("v1-lamps-sphere").unwrap().id(), Setup::standard().id());
+        assert_eq!(find("v2-lamps-sphere").unwrap().id(), Setup::standard().id());
+        assert_eq!(find("v1-lamps-sphere").unwrap().version(), 1);
         assert_eq!(
-            find("v2-lamps-sphere").unwrap_err().to_string(),
-            "the descriptors are of version 2; this program knows up to version 1: update vernis"
+            find("v3-lamps-sphere").unwrap_err().to_string(),
+            "the descriptors are of version 3; this program knows up to version 2: update vernis"
         );
         let message = find("v1-probe-035d24e3e978589f-sphere").unwrap_err().to_string();
         assert!(message.contains("begins with 035d24e3e978589f; name it with --lights"), "{message}");

@@ -9,7 +9,7 @@
 //!
 //! Cost: four sorts of 3,840 values a BRDF, then 1,024 differences a pair.
 
-use super::angular::spacing;
+use super::regions::spacing;
 use crate::light::node_table::{NODES, NodeTable, PHI_D, THETA_D, THETA_H, theta_d, theta_h};
 use crate::math::color::luminance;
 
@@ -30,7 +30,7 @@ impl ValueQuantiles {
         let weights: Vec<f64> = (0..NODES).map(solid_angle).collect();
         let channels = std::array::from_fn(|c| {
             let value = |n: usize| {
-                let f = table.values()[n].map(f64::from);
+                let f = table.values()[n];
                 if c < 3 { f[c] } else { luminance(f) }.sqrt().sqrt()
             };
             let samples: Vec<(f64, f64)> =
@@ -79,10 +79,11 @@ fn quantiles(mut samples: Vec<(f64, f64)>) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::descriptor::constant::Constant;
+    use crate::light::Sampling;
 
     #[test]
     fn two_constants_are_as_far_apart_as_their_fourth_roots() {
-        let quantiles = |c| ValueQuantiles::new(&NodeTable::sample(&Constant(c)).unwrap());
+        let quantiles = |c| ValueQuantiles::new(&NodeTable::sample(&Constant(c), Sampling::Averages).unwrap());
         let (a, b) = (quantiles([1.0, 16.0, 0.0]), quantiles([16.0, 1.0, 0.0625]));
         let d = a.distances(&b);
         assert!((d[0] - 1.0).abs() < 1e-6 && (d[1] - 1.0).abs() < 1e-6 && (d[2] - 0.5).abs() < 1e-6);

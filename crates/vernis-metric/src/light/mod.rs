@@ -1,14 +1,17 @@
 //! Lights and shapes defined by code or read from probes and meshes, and the linear operator from a BRDF to a picture.
 
+mod footprint;
 pub mod node_table;
 pub mod operator;
 pub mod shape;
+pub mod sites;
 pub mod source;
 pub mod sphere;
 
 pub use node_table::NodeTable;
 pub use operator::Operator;
 pub use shape::Shape;
+pub use sites::{Sampling, Sites};
 pub use source::Light;
 
 use crate::math::Rgb;

@@ -8,25 +8,20 @@
 //! MERL files (Matusik et al. 2003, doi:10.1145/882262.882343). The quadrants are equal for a reciprocal BRDF with a
 //! mirror plane; fitted networks are neither exactly, and their mean is what a picture of an isotropic surface sees.
 //!
-//! A node at which a direction has a cosine below 0.017 (about 89 deg) cannot be measured: its value is that of the
-//! nearest smaller theta_d, in steps of 0.5 deg, at which it can, so that interpolation towards the horizon has
-//! something to hold on to. Such nodes are not [`NodeTable::sampled`] and take no part in angular means.
+//! What a node holds depends on the version of the descriptors ([`Sites`]): the BRDF at the node, or its mean about the node.
 //!
-//! Where a measurement is missing in all quadrants, the value is copied from the nearest node that has one (breadth
+//! Where a measurement is missing everywhere about a node, the value is copied from the nearest node that has one (breadth
 //! first over the six neighbours in the order theta_h -, +, theta_d -, +, phi_d -, +; ties go to the node that comes
-//! first in the table), and the node is not `sampled` either. Negative values, which some published models give at
+//! first in the table), and the node is not [`NodeTable::sampled`]. Negative values, which some published models give at
 //! grazing angles, count as 0.
-//!
-//! Cost: 12,800 evaluations of the BRDF, 46 kB.
 
 use super::LightError;
+use super::sites::{Sampling, Sites};
 use crate::brdf::Brdf;
-use crate::math::coordinates::{HalfDifference, half_difference_directions};
-use crate::math::{Rgb, Vec3};
+use crate::math::Rgb;
 use rayon::prelude::*;
 use std::collections::VecDeque;
-use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::OnceLock;
+use std::f64::consts::FRAC_PI_2;
 
 /// Nodes along theta_h.
 pub const THETA_H: usize = 40;
@@ -37,10 +32,6 @@ pub const PHI_D: usize = 6;
 /// Nodes of the table; node (i, j, k) is stored at `(i * THETA_D + j) * PHI_D + k`.
 pub const NODES: usize = THETA_H * THETA_D * PHI_D;
 
-/// Cosine below which a direction counts as unmeasurable.
-const MIN_COSINE: f64 = 0.017;
-/// Step by which an unmeasurable node moves towards theta_d = 0, degrees.
-const INWARD_STEP: f64 = 0.5;
 /// Share of the axis of theta_d that the nodes cover, and the exponent of their spacing.
 const THETA_D_COVER: f64 = 0.985;
 const THETA_D_POWER: f64 = 1.4;
@@ -49,7 +40,12 @@ const CHUNK: usize = 1280;
 
 /// theta_h of node `i`, degrees.
 pub fn theta_h(i: usize) -> f64 {
-    if i + 1 == THETA_H { 89.0 } else { 90.0 * (i as f64 / (THETA_H - 1) as f64).powi(2) }
+    if i + 1 == THETA_H { 89.0 } else { theta_h_at(i as f64) }
+}
+
+/// theta_h at a node coordinate, degrees.
+pub(super) fn theta_h_at(coordinate: f64) -> f64 {
+    90.0 * (coordinate / (THETA_H - 1) as f64).powi(2)
 }
 
 /// theta_d of node `j`, degrees.
@@ -74,106 +70,80 @@ pub fn theta_d_coordinate(theta_d: f64) -> f64 {
     ((THETA_D - 1) as f64 * v / THETA_D_COVER).min((THETA_D - 1) as f64)
 }
 
-/// Where the nodes are evaluated.
-struct Sites {
-    wi: Vec<Vec3>,
-    wo: Vec<Vec3>,
-    /// The evaluations of node n are `start[n]..start[n + 1]`.
-    start: Vec<usize>,
-    /// Whether the node is evaluated where it stands.
-    in_place: Vec<bool>,
-}
-
-impl Sites {
-    fn get() -> &'static Self {
-        static SITES: OnceLock<Sites> = OnceLock::new();
-        SITES.get_or_init(Self::new)
-    }
-
-    fn new() -> Self {
-        let mut sites = Self { wi: vec![], wo: vec![], start: vec![0], in_place: vec![] };
-        for n in 0..NODES {
-            let (i, j, k) = (n / (THETA_D * PHI_D), n / PHI_D % THETA_D, n % PHI_D);
-            let phi = phi_d(k).to_radians();
-            let pair = |theta_d: f64, phi: f64| {
-                half_difference_directions(HalfDifference {
-                    theta_h: theta_h(i).to_radians(),
-                    theta_d: theta_d.to_radians(),
-                    phi_d: phi,
-                })
-            };
-            let mut theta = theta_d(j);
-            let measurable = |theta: f64| {
-                let (wi, wo) = pair(theta, phi);
-                wi.z.min(wo.z) >= MIN_COSINE
-            };
-            sites.in_place.push(measurable(theta));
-            while theta > 0.0 && !measurable(theta) {
-                theta = (theta - INWARD_STEP).max(0.0);
-            }
-            let quadrants: &[f64] = match k {
-                0 => &[0.0, PI],
-                _ if k + 1 == PHI_D => &[FRAC_PI_2, 3.0 * FRAC_PI_2],
-                _ => &[phi, PI - phi, PI + phi, 2.0 * PI - phi],
-            };
-            for &phi in quadrants {
-                let (wi, wo) = pair(theta, phi);
-                sites.wi.push(wi);
-                sites.wo.push(wo);
-            }
-            sites.start.push(sites.wi.len());
-        }
-        sites
-    }
-}
-
 /// A BRDF at the nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodeTable {
-    values: Vec<[f32; 3]>,
+    values: Vec<Rgb>,
     sampled: Vec<bool>,
 }
 
 impl NodeTable {
-    /// Evaluates `brdf` at every node.
+    /// Evaluates `brdf` about every node.
     ///
     /// Errors: a value that is not finite; no measurement at any node.
-    pub fn sample(brdf: &dyn Brdf) -> Result<Self, LightError> {
-        let sites = Sites::get();
-        let mut out = vec![None; sites.wi.len()];
-        out.par_chunks_mut(CHUNK).enumerate().for_each(|(c, out)| {
-            let at = c * CHUNK..c * CHUNK + out.len();
-            brdf.eval_batch(&sites.wi[at.clone()], &sites.wo[at], out);
+    pub fn sample(brdf: &dyn Brdf, sampling: Sampling) -> Result<Self, LightError> {
+        let sites = Sites::of(sampling);
+        let mut found = vec![None; sites.len()];
+        found.par_chunks_mut(CHUNK).enumerate().for_each(|(c, found)| {
+            let at = c * CHUNK..c * CHUNK + found.len();
+            brdf.eval_batch(&sites.wi[at.clone()], &sites.wo[at], found);
         });
-        let mut values = vec![[0.0f32; 3]; NODES];
+        let mut table = Self::gather(sites, |site| found[site])?;
+        if sampling == Sampling::Points {
+            // What descriptors of version 1 were made from.
+            table.values.iter_mut().flatten().for_each(|v| *v = f64::from(*v as f32));
+            table.check_all()?;
+        }
+        Ok(table)
+    }
+
+    /// The table of a BRDF that is given by its value (linear RGB, 1/sr) at every direction of `sites`.
+    ///
+    /// Errors: a value that is not finite.
+    ///
+    /// # Panics
+    /// If there are not as many values as directions.
+    pub fn of_values(sites: &Sites, values: &[Rgb]) -> Result<Self, LightError> {
+        assert_eq!(values.len(), sites.len(), "values and directions");
+        Self::gather(sites, |site| Some(values[site]))
+    }
+
+    fn gather(sites: &Sites, value: impl Fn(usize) -> Option<Rgb>) -> Result<Self, LightError> {
+        let mut values = vec![[0.0; 3]; NODES];
         let mut measured = vec![false; NODES];
         for n in 0..NODES {
             let mut sum = [0.0; 3];
-            let mut count = 0usize;
-            for value in out[sites.start[n]..sites.start[n + 1]].iter().flatten() {
-                check(n, *value)?;
-                (0..3).for_each(|c| sum[c] += value[c].max(0.0));
-                count += 1;
+            let mut total = 0.0;
+            for &(site, weight) in sites.entries(n) {
+                let Some(value) = value(site as usize) else { continue };
+                check(n, value)?;
+                (0..3).for_each(|c| sum[c] += weight * value[c].max(0.0));
+                total += weight;
             }
-            if count > 0 {
-                values[n] = sum.map(|s| (s / count as f64) as f32);
-                check(n, values[n].map(f64::from))?;
+            if total > 0.0 {
+                values[n] = sum.map(|s| s / total);
                 measured[n] = true;
             }
         }
-        fill(&mut values, &measured)?;
-        let sampled = measured.iter().zip(&sites.in_place).map(|(m, p)| *m && *p).collect();
-        Ok(Self { values, sampled })
+        let mut table = Self { values, sampled: vec![] };
+        table.check_all()?;
+        fill(&mut table.values, &measured)?;
+        table.sampled = measured.iter().zip(&sites.in_place).map(|(m, p)| *m && *p).collect();
+        Ok(table)
+    }
+
+    fn check_all(&self) -> Result<(), LightError> {
+        self.values.iter().enumerate().try_for_each(|(n, value)| check(n, *value))
     }
 
     /// A table read back from a cache; `None` unless there is one value and one mask entry a node and all are finite.
-    pub(crate) fn from_parts(values: Vec<[f32; 3]>, sampled: Vec<bool>) -> Option<Self> {
+    pub(crate) fn from_parts(values: Vec<Rgb>, sampled: Vec<bool>) -> Option<Self> {
         let finite = values.iter().flatten().all(|v| v.is_finite() && *v >= 0.0);
         (values.len() == NODES && sampled.len() == NODES && finite).then_some(Self { values, sampled })
     }
 
     /// Linear RGB, 1/sr, cosine not included; one entry a node.
-    pub fn values(&self) -> &[[f32; 3]] {
+    pub fn values(&self) -> &[Rgb] {
         &self.values
     }
 
@@ -192,7 +162,7 @@ fn check(node: usize, value: Rgb) -> Result<(), LightError> {
 }
 
 /// Copies to every node without a measurement the value of the nearest that has one.
-fn fill(values: &mut [[f32; 3]], measured: &[bool]) -> Result<(), LightError> {
+fn fill(values: &mut [Rgb], measured: &[bool]) -> Result<(), LightError> {
     let mut reached = measured.to_vec();
     let mut queue: VecDeque<usize> = (0..NODES).filter(|&n| measured[n]).collect();
     if queue.is_empty() {
@@ -222,6 +192,7 @@ fn fill(values: &mut [[f32; 3]], measured: &[bool]) -> Result<(), LightError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
 
     /// 1 / pi, but unmeasured where `missing` says so.
     struct Holed(fn(f64, f64) -> bool);
@@ -243,28 +214,21 @@ mod tests {
     }
 
     #[test]
-    fn every_evaluation_is_above_the_horizon() {
-        let sites = Sites::get();
-        assert_eq!(sites.wi.len(), THETA_H * THETA_D * (2 * 2 + 4 * 4));
-        assert!(sites.wi.iter().chain(&sites.wo).all(|w| w.z >= MIN_COSINE));
-        let in_place = sites.in_place.iter().filter(|p| **p).count();
-        assert!(in_place > NODES / 2 && in_place < NODES);
-    }
-
-    #[test]
     fn missing_nodes_are_masked_and_take_the_value_of_a_neighbour() {
-        let whole = NodeTable::sample(&Holed(|_, _| false)).unwrap();
-        let holed = NodeTable::sample(&Holed(|a, b| a.min(b) < 0.3)).unwrap();
-        let mut filled = 0;
-        for n in 0..NODES {
-            if holed.sampled[n] {
-                assert_eq!(holed.values[n], whole.values[n]);
-            } else if whole.sampled[n] {
-                filled += 1;
-                assert!(holed.values[n][0] >= 0.08, "a copy of a measured value, not black");
+        for sampling in [Sampling::Points, Sampling::Averages] {
+            let whole = NodeTable::sample(&Holed(|_, _| false), sampling).unwrap();
+            let holed = NodeTable::sample(&Holed(|a, b| a.min(b) < 0.3), sampling).unwrap();
+            let mut filled = 0;
+            for n in 0..NODES {
+                if sampling == Sampling::Points && holed.sampled[n] {
+                    assert_eq!(holed.values[n], whole.values[n]);
+                } else if whole.sampled[n] && !holed.sampled[n] {
+                    filled += 1;
+                    assert!(holed.values[n][0] >= 0.08, "a copy of a measured value, not black");
+                }
             }
+            assert!(filled > 100);
         }
-        assert!(filled > 100);
     }
 
     #[test]
@@ -275,7 +239,10 @@ mod tests {
                 Some([if wi.z > 0.9999 { f64::NAN } else { 1.0 }, 1.0, 1.0])
             }
         }
-        assert!(matches!(NodeTable::sample(&Holed(|_, _| true)), Err(LightError::NoMeasurement { .. })));
-        assert!(matches!(NodeTable::sample(&Bad), Err(LightError::NotFinite { .. })));
+        assert!(matches!(
+            NodeTable::sample(&Holed(|_, _| true), Sampling::Averages),
+            Err(LightError::NoMeasurement { .. })
+        ));
+        assert!(matches!(NodeTable::sample(&Bad, Sampling::Averages), Err(LightError::NotFinite { .. })));
     }
 }

@@ -6,7 +6,7 @@
 //! be told apart. The picture is that of the BRDF's node table, as the descriptors see it: the finest highlights of mirrors
 //! are blunted. Source of the curve: IEC 61966-2-1. Cost: a sphere of 48 pixels a side takes 1 ms a BRDF.
 
-use super::{Light, LightError, NodeTable, Operator};
+use super::{Light, LightError, NodeTable, Operator, Sampling};
 use crate::brdf::Brdf;
 use crate::math::{Rgb, Vec3};
 
@@ -41,7 +41,7 @@ impl Sphere {
         let shown: Vec<(usize, Vec<Vec3>)> =
             (0..side * side).map(|p| (p, normals(p))).filter(|(_, n)| n.len() == SUB_SAMPLES * SUB_SAMPLES).collect();
         let (pixels, normals): (Vec<usize>, Vec<Vec<Vec3>>) = shown.into_iter().unzip();
-        Self { side, pixels, operator: Operator::build(&normals, std::slice::from_ref(light)) }
+        Self { side, pixels, operator: Operator::build(&normals, std::slice::from_ref(light), Sampling::Averages) }
     }
 
     /// Linear radiance of every pixel of the picture; `None` beside the sphere.
@@ -49,7 +49,7 @@ impl Sphere {
     /// # Errors
     /// A BRDF without measured values.
     pub fn radiance(&self, brdf: &dyn Brdf) -> Result<Vec<Option<Rgb>>, LightError> {
-        let table = NodeTable::sample(brdf)?;
+        let table = NodeTable::sample(brdf, Sampling::Averages)?;
         let mut picture = vec![None; self.side * self.side];
         let shown = self.operator.apply(table.values());
         let values = shown.into_iter().flatten();

@@ -44,9 +44,44 @@ pub fn cielab(c: Rgb) -> [f64; 3] {
     [116.0 * fy - 16.0, 500.0 * (fx - fy), 200.0 * (fy - fz)]
 }
 
+/// The linear RGB triple of which [`cielab`] is `lab` (L*, a*, b*): components below 0 or above 1 where the colour lies outside the
+/// gamut of the primaries.
+///
+///   f(Y/Yn) = (L* + 16)/116,  f(X/Xn) = f(Y/Yn) + a*/500,  f(Z/Zn) = f(Y/Yn) - b*/200; RGB by Cramer's rule.
+pub fn rgb_of_cielab(lab: [f64; 3]) -> Rgb {
+    let fy = (lab[0] + 16.0) / 116.0;
+    let f = [fy + lab[1] / 500.0, fy, fy - lab[2] / 200.0];
+    let xyz: [f64; 3] = std::array::from_fn(|i| {
+        let cube = f[i].powi(3);
+        WHITE_D65[i] * if cube > CIELAB_LINEAR_BELOW { cube } else { (f[i] - 4.0 / 29.0) / CIELAB_SLOPE }
+    });
+    let determinant = |m: [[f64; 3]; 3]| {
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
+    };
+    let whole = determinant(XYZ_FROM_REC709);
+    std::array::from_fn(|column| {
+        let mut replaced = XYZ_FROM_REC709;
+        for (row, value) in replaced.iter_mut().zip(xyz) {
+            row[column] = value;
+        }
+        determinant(replaced) / whole
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of colours on both branches of the curve, and of one outside the gamut.
+    #[test]
+    fn rgb_and_cielab_are_inverse() {
+        for rgb in [[0.2, 0.5, 0.9], [0.001, 0.002, 0.0005], [1.0; 3], [0.0; 3], [-0.05, 0.4, 0.3]] {
+            for (found, expected) in rgb_of_cielab(cielab(rgb)).iter().zip(rgb) {
+                assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+            }
+        }
+    }
 
     #[test]
     fn white_and_black_are_neutral() {

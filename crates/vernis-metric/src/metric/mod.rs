@@ -4,13 +4,15 @@ pub mod graph;
 pub mod kernel;
 pub mod learned;
 pub mod lp;
+mod nodes;
 pub mod registry;
 mod share;
 pub mod transport;
 
+pub use nodes::{Gradient, Nodes};
 pub use share::{PreparedMetrics, PreparedResult, PreparedShare, Share, ShareKey, groups};
 
-use crate::brdf::{Brdf, Grid};
+use crate::brdf::Brdf;
 use crate::descriptor::{Cache, CacheWarning};
 use crate::io::did_you_mean;
 use crate::math::rating_scale::RatingScale;
@@ -33,6 +35,8 @@ pub struct Properties {
     pub symmetric: bool,
     /// Can drive a fit: cheap enough, and without flat regions by design.
     pub usable_as_loss: bool,
+    /// [`PreparedMetric::gradient_at`] works: it has a gradient with respect to the candidate's values.
+    pub differentiable: bool,
     /// Its landscape has hollows: a fit starts near the minimum of a smoother metric and lets this one in by degrees.
     pub rough: bool,
     /// It was learned from simulated observers: its numbers say nothing about people.
@@ -92,6 +96,16 @@ pub enum MetricError {
     TooWide { metric: String, side: Side, reason: String },
     #[error("{metric}: the distance has no gradient")]
     NoGradient { metric: String },
+    #[error("the metric cannot work on values: it has no nodes, and no gradient")]
+    NoNodes,
+    #[error("{metric}: {found} values were given; the nodes `{nodes}` take {expected}, one RGB value a node")]
+    ValueCount { metric: String, nodes: String, found: usize, expected: usize },
+    /// `channel` is 0 to 2, red to blue.
+    #[error(
+        "node {node} of `{nodes}` (wi {}, wo {}): {} is {value}; it must be finite and not negative",
+        coordinates(.wi), coordinates(.wo), ["red", "green", "blue"][*.channel % 3]
+    )]
+    NodeValue { nodes: String, node: usize, wi: Vec3, wo: Vec3, channel: usize, value: f64 },
     #[error("{what} is {found}; it must be {allowed}")]
     Parameter { what: String, found: String, allowed: String },
     #[error("{name}: {metric} is one metric and has no options")]
@@ -104,12 +118,16 @@ pub enum MetricError {
     NameTaken { name: String },
 }
 
+fn coordinates(w: &Vec3) -> String {
+    format!("[{:.4}, {:.4}, {:.4}]", w.x, w.y, w.z)
+}
+
 impl MetricError {
     /// Whether another candidate may have a distance to the same reference: its values are what is wrong. A search counts such a
     /// candidate as infinitely bad and turns round; any other error ends it.
     pub fn is_about_candidate_values(&self) -> bool {
         match self {
-            Self::NotFinite { .. } => true,
+            Self::NotFinite { .. } | Self::NodeValue { .. } => true,
             Self::Unusable { side, .. } | Self::NoValidCell { side } | Self::TooWide { side, .. } => {
                 matches!(side, Side::Candidate | Side::Pair)
             }
@@ -243,54 +261,41 @@ pub trait PreparedMetric: Send + Sync {
         self.distance(candidate)
     }
 
-    /// The gradient with respect to the candidate, where the metric has one.
-    fn as_differentiable(&self) -> Option<&dyn DifferentiableMetric> {
+    /// The directions at which the metric looks, shared by all prepared metrics of the process that look there; `None` for a metric
+    /// that cannot work on values.
+    fn nodes(&self) -> Option<Arc<Nodes>> {
         None
     }
-}
 
-/// A metric, its reference fixed, whose distance has a gradient with respect to the candidate.
-pub trait DifferentiableMetric: PreparedMetric {
-    /// The distance and its derivatives with respect to the candidate's values.
+    /// The distance to a candidate that is given by its values on [`PreparedMetric::nodes`]: linear RGB, 1/sr, cosine not included,
+    /// one a node. For the values that [`Nodes::evaluate`] gives of a BRDF without missing measurements it is the distance to that BRDF,
+    /// to the last bit unless the metric says otherwise.
     ///
     /// # Errors
-    /// Those of [`PreparedMetric::distance`]; [`MetricError::NoGradient`].
-    fn gradient(&self, candidate: &dyn Brdf) -> Result<TableGradient, MetricError>;
+    /// [`MetricError::NoNodes`]; [`MetricError::ValueCount`]; [`MetricError::NodeValue`] for a value that is negative or not
+    /// finite, missing measurements included; those of [`PreparedMetric::distance`].
+    fn distance_at(&self, _values: &[Rgb]) -> Result<f64, MetricError> {
+        Err(MetricError::NoNodes)
+    }
+
+    /// The same distance and its derivatives with respect to these values.
+    ///
+    /// # Errors
+    /// Those of [`PreparedMetric::distance_at`]; [`MetricError::NoGradient`].
+    fn gradient_at(&self, _values: &[Rgb]) -> Result<Gradient, MetricError> {
+        Err(MetricError::NoNodes)
+    }
+
+    /// What a fit minimises ([`PreparedMetric::loss`]) and its derivatives.
+    ///
+    /// # Errors
+    /// Those of [`PreparedMetric::gradient_at`].
+    fn loss_gradient_at(&self, values: &[Rgb]) -> Result<Gradient, MetricError> {
+        self.gradient_at(values)
+    }
 
     /// The power of the distance that is smooth where both sides agree: 2 for a root of a mean square.
     fn smooth_power(&self) -> f64 {
         1.0
-    }
-}
-
-/// How a distance changes with the values of the candidate at the cells where the metric looks.
-///
-/// An optimiser of tables steps along `derivatives`. The derivative with respect to a parameter p of a model f is the chain
-/// rule's: sum over cells and channels of `derivatives[cell][channel]` * df/dp at `grid.directions(cell)`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TableGradient {
-    /// The distance itself.
-    pub value: f64,
-    /// The cells.
-    pub grid: Grid,
-    /// d value / d f (R, G, B), f the BRDF (1/sr, cosine not included) at the directions of each cell of `grid`; 0 for cells
-    /// that take no part, and everywhere where both BRDFs are the same. A candidate that is a table on another grid is
-    /// resampled to this one first, which the derivatives do not follow.
-    pub derivatives: Vec<[f64; 3]>,
-}
-
-impl TableGradient {
-    /// The derivative along a change of the candidate: `change(wi, wo)` is the derivative of its value (R, G, B).
-    pub fn along(&self, mut change: impl FnMut(Vec3, Vec3) -> Rgb) -> f64 {
-        let directions = self.grid.all_directions();
-        let term = |(cell, d): (usize, &[f64; 3])| {
-            if *d == [0.0; 3] {
-                return 0.0;
-            }
-            let (wi, wo) = directions.get(cell);
-            let change = change(wi, wo);
-            (0..3).map(|c| d[c] * change[c]).sum()
-        };
-        self.derivatives.iter().enumerate().map(term).sum()
     }
 }

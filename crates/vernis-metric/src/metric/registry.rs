@@ -36,8 +36,10 @@ impl Registry {
     /// [`MetricError::Shipped`] if the metric that comes with this build cannot be read.
     pub fn standard() -> Result<Self, MetricError> {
         let mut registry = Self::default();
-        let shipped = LearnedMetric::shipped().map_err(|e| MetricError::Shipped { reason: e.to_string() })?;
-        registry.add(Arc::new(shipped))?;
+        let shipped = LearnedMetric::all_shipped().map_err(|e| MetricError::Shipped { reason: e.to_string() })?;
+        for metric in shipped {
+            registry.add(Arc::new(metric))?;
+        }
         for variant in LpVariant::every() {
             registry.add(Arc::new(LpMetric::new(variant)))?;
         }

@@ -90,6 +90,28 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
 }
 
 impl Dupuy {
+    /// The models that an extraction gives: the facets as they are, and GGX and Beckmann facets of the same roughness.
+    pub const MODELS: [&'static str; 3] = [TABULATED, GGX, BECKMANN];
+
+    /// Of the parameters that an extraction finds in a reference.
+    pub const EXTRACTION_VERSION: &'static str = "1";
+
+    /// The model of [`Dupuy::MODELS`] called `model`, read off `reference`.
+    ///
+    /// # Errors
+    /// [`ModelError::UnknownModel`]; a reference that sends no light straight back, or whose roughness is out of bounds.
+    pub fn extracted(model: &str, reference: &dyn Brdf) -> Result<Self, ModelError> {
+        if !Self::MODELS.contains(&model) {
+            return Err(ModelError::UnknownModel { found: model.to_owned() });
+        }
+        let tabulated = Self::from_retroreflection(reference)?;
+        match model {
+            GGX => tabulated.ggx(),
+            BECKMANN => tabulated.beckmann(),
+            _ => Ok(tabulated),
+        }
+    }
+
     /// A density of slopes and 90 Fresnel values per channel, checked against the bounds of the schema.
     pub fn new(slopes: SlopeDistribution, fresnel: Vec<Rgb>) -> Result<Self, ModelError> {
         let mut model = Self { slopes, fresnel, area: Vec::new() };

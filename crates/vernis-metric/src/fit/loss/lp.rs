@@ -15,7 +15,7 @@ pub struct LpLoss {
     name: String,
     formula: Formula,
     cell: CellFormula,
-    /// Its reference values are those of the formula's curve.
+    /// Its reference values are those after the formula's root.
     lattice: Lattice,
     /// Weight and cosine by [`POLAR`] theta_i + theta_o.
     weights: Vec<(f64, f64)>,
@@ -39,8 +39,7 @@ impl LpLoss {
         };
         let weights: Vec<(f64, f64)> = (0..POLAR * POLAR).map(weight).collect();
         for sample in &mut lattice.samples {
-            let (_, c) = weights[sample.row()];
-            sample.reference = sample.reference.map(|rgb| rgb.map(|f| cell.curve(f, c)));
+            sample.reference = sample.reference.map(|rgb| rgb.map(|f| cell.root(f)));
         }
         let cells = lattice.samples.iter().map(Sample::cells).sum();
         Ok(Some(Self { name: variant.to_string(), formula: variant.formula, cell, lattice, weights, cells }))
@@ -62,9 +61,9 @@ impl LpLoss {
             let (wi, wo) = self.lattice.directions(sample);
             let value = checked(candidate.value(wi, wo))?;
             let (weight, cosine) = self.weights[sample.row()];
-            let g = value.map(|f| self.cell.curve(f, cosine));
+            let root = value.map(|f| self.cell.root(f));
             for side in (0..2).filter(|side| sample.count[*side] > 0.0) {
-                let term = |c: usize| self.cell.term(g[c] - sample.reference[side][c]);
+                let term = |c: usize| self.cell.term(self.cell.difference(sample.reference[side][c], root[c], cosine));
                 sum += weight * f64::from(sample.count[side]) * (term(0) + term(1) + term(2));
             }
         }
@@ -82,10 +81,11 @@ impl LpLoss {
             let (weight, cosine) = self.weights[sample.row()];
             let mut outer = [0.0; 3];
             for c in 0..3 {
-                let g = self.cell.curve(value[c], cosine);
-                let slope = self.cell.curve_slope(value[c], g, cosine);
+                let root = self.cell.root(value[c]);
+                let slope = self.cell.curve_slope(root, cosine);
                 for side in 0..2 {
-                    let (cells, difference) = (f64::from(sample.count[side]), g - sample.reference[side][c]);
+                    let cells = f64::from(sample.count[side]);
+                    let difference = self.cell.difference(sample.reference[side][c], root, cosine);
                     sums[count] += weight * cells * self.cell.term(difference);
                     outer[c] += weight * cells * self.cell.term_slope(difference) * slope;
                 }
@@ -113,7 +113,7 @@ impl Loss for LpLoss {
     }
 
     fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
-        self.cell.is_differentiable().then_some(self)
+        self.cell.has_bounded_slopes().then_some(self)
     }
 }
 
@@ -125,19 +125,13 @@ impl DifferentiableLoss for LpLoss {
         let Ok(mut sums) = sums else { return Ok((f64::INFINITY, vec![0.0; count])) };
         let mean = sums.pop().unwrap_or_default() / self.cells;
         let value = self.formula.of_mean(mean);
-        let outer = if !self.formula.is_rooted() {
-            1.0
-        } else if value > 0.0 {
-            0.5 / value
-        } else {
-            0.0
-        };
+        let outer = self.formula.root_slope(value);
         sums.iter_mut().for_each(|s| *s *= outer / self.cells);
         Ok((value, sums))
     }
 
     fn smooth_power(&self) -> f64 {
-        if self.formula.is_rooted() { 2.0 } else { 1.0 }
+        self.formula.smooth_power()
     }
 }
 

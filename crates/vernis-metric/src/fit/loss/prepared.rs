@@ -3,23 +3,24 @@
 use super::{DifferentiableLoss, Loss, or_infinite};
 use crate::brdf::Brdf;
 use crate::brdf::models::{AnalyticBrdf, DifferentiableBrdf};
-use crate::metric::{Metric, MetricError, PreparedMetric};
-use rayon::prelude::*;
-
-/// Cells that a thread handles at a time; the sums of chunks are added up in order.
-const CHUNK: usize = 2048;
+use crate::metric::{Metric, MetricError, Nodes, PreparedMetric};
+use std::sync::Arc;
 
 /// A metric whose reference is fixed.
 pub struct MetricLoss {
     name: String,
     prepared: Box<dyn PreparedMetric>,
+    /// Where the metric has a gradient.
+    nodes: Option<Arc<Nodes>>,
 }
 
 impl MetricLoss {
     /// # Errors
     /// Those of [`Metric::prepare`].
     pub fn new(metric: &dyn Metric, reference: &dyn Brdf) -> Result<Self, MetricError> {
-        Ok(Self { name: metric.name().to_owned(), prepared: metric.prepare(reference)? })
+        let prepared = metric.prepare(reference)?;
+        let nodes = prepared.nodes().filter(|_| metric.properties().differentiable);
+        Ok(Self { name: metric.name().to_owned(), prepared, nodes })
     }
 }
 
@@ -37,36 +38,32 @@ impl Loss for MetricLoss {
     }
 
     fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
-        self.prepared.as_differentiable().map(|_| self as &dyn DifferentiableLoss)
+        self.nodes.as_ref().map(|_| self as &dyn DifferentiableLoss)
     }
 }
 
 impl DifferentiableLoss for MetricLoss {
-    /// By the chain rule: sum over cells and channels of d distance/d value times d value/d parameter.
+    /// By the chain rule: sum over nodes and channels of d loss/d value times d value/d parameter.
     fn gradient(&self, candidate: &dyn DifferentiableBrdf) -> Result<(f64, Vec<f64>), MetricError> {
-        let none = || MetricError::NoGradient { metric: self.name.clone() };
-        let metric = self.prepared.as_differentiable().ok_or_else(none)?;
-        let table = metric.gradient(candidate)?;
-        let directions = table.grid.all_directions();
+        let Some(nodes) = &self.nodes else { return Err(MetricError::NoGradient { metric: self.name.clone() }) };
+        let of_values = self.prepared.loss_gradient_at(&nodes.evaluate(candidate))?;
         let count = candidate.parameters().len();
-        let chunk = |(index, derivatives): (usize, &[[f64; 3]])| {
-            let (mut sums, mut d) = (vec![0.0; count], vec![[0.0; 3]; count]);
-            for (k, outer) in derivatives.iter().enumerate().filter(|(_, outer)| **outer != [0.0; 3]) {
-                let (wi, wo) = directions.get(index * CHUNK + k);
-                candidate.value_and_gradient(wi, wo, &mut d);
-                for (sum, d) in sums.iter_mut().zip(&d) {
-                    *sum += (0..3).map(|c| outer[c] * d[c]).sum::<f64>();
-                }
+        let takes_part = |node: usize| of_values.derivatives[node] != [0.0; 3];
+        let gradient = nodes.sums(count, takes_part, |node, wi, wo, sums| {
+            // Models are black below the horizon, whatever their parameters.
+            if wi.z <= 0.0 || wo.z <= 0.0 {
+                return;
             }
-            sums
-        };
-        let parts: Vec<Vec<f64>> = table.derivatives.par_chunks(CHUNK).enumerate().map(chunk).collect();
-        let mut gradient = vec![0.0; count];
-        parts.iter().for_each(|part| gradient.iter_mut().zip(part).for_each(|(g, p)| *g += p));
-        Ok((table.value, gradient))
+            let mut d = vec![[0.0; 3]; count];
+            candidate.value_and_gradient(wi, wo, &mut d);
+            for (sum, d) in sums.iter_mut().zip(&d) {
+                *sum += (0..3).map(|c| of_values.derivatives[node][c] * d[c]).sum::<f64>();
+            }
+        });
+        Ok((of_values.value, gradient))
     }
 
     fn smooth_power(&self) -> f64 {
-        self.prepared.as_differentiable().map_or(1.0, |metric| metric.smooth_power())
+        self.prepared.smooth_power()
     }
 }

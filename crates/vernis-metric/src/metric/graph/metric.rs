@@ -2,9 +2,8 @@
 
 use super::{CosineTable, GraphGrid};
 use crate::brdf::Brdf;
-use crate::metric::{
-    DifferentiableMetric, Measured, Metric, MetricError, PreparedMetric, PreparedShare, Share, Side, TableGradient,
-};
+use crate::math::Rgb;
+use crate::metric::{Gradient, Measured, Metric, MetricError, Nodes, PreparedMetric, PreparedShare, Share, Side};
 use std::sync::Arc;
 
 /// For each channel (R, G, B) the divergence, and its derivatives with respect to the candidate's f cos theta_i, one a cell.
@@ -164,14 +163,17 @@ impl PreparedMetric for PreparedGraph {
         measured(&*self.metric, self.reference.channels(&self.candidate(candidate)?)?)
     }
 
-    fn as_differentiable(&self) -> Option<&dyn DifferentiableMetric> {
-        Some(self)
+    fn nodes(&self) -> Option<Arc<Nodes>> {
+        Some(nodes(self.metric.grid()))
     }
-}
 
-impl DifferentiableMetric for PreparedGraph {
-    fn gradient(&self, candidate: &dyn Brdf) -> Result<TableGradient, MetricError> {
-        table_gradient(&*self.metric, &self.reference.gradients(&self.candidate(candidate)?)?)
+    /// For a table the same number but for rounding: values on nodes hold no cosine, and what is divided out is multiplied in again.
+    fn distance_at(&self, values: &[Rgb]) -> Result<f64, MetricError> {
+        measured(&*self.metric, self.reference.channels(&self.checked(values)?)?).map(|measured| measured.value)
+    }
+
+    fn gradient_at(&self, values: &[Rgb]) -> Result<Gradient, MetricError> {
+        node_gradient(&*self.metric, &self.reference.gradients(&self.checked(values)?)?)
     }
 
     fn smooth_power(&self) -> f64 {
@@ -179,21 +181,37 @@ impl DifferentiableMetric for PreparedGraph {
     }
 }
 
+impl PreparedGraph {
+    fn checked(&self, values: &[Rgb]) -> Result<CosineTable, MetricError> {
+        let grid = self.metric.grid();
+        nodes(grid).check(self.metric.name(), values)?;
+        Ok(CosineTable::of_values(values, grid))
+    }
+}
+
+/// The cell centres of `grid`.
+fn nodes(grid: GraphGrid) -> Arc<Nodes> {
+    Nodes::shared(&format!("graph-{grid}"), |id| {
+        Nodes::of_cells(id, grid.cells(), grid.shape(), move |table| CosineTable::values_of_table(table, grid))
+    })
+}
+
 /// The scalar of the study and its gradient, from those of the channels.
 ///
 /// # Errors
 /// Those of [`combine`].
-fn table_gradient(metric: &dyn GraphMetric, channels: &ChannelGradients) -> Result<TableGradient, MetricError> {
+fn node_gradient(metric: &dyn GraphMetric, channels: &ChannelGradients) -> Result<Gradient, MetricError> {
     let grid = metric.grid();
     let sum: f64 = channels.iter().map(|(w, _)| w.max(0.0)).sum();
     let value = combine(metric.name(), [0, 1, 2].map(|c| channels[c].0), metric.gamma())?;
     // The slope of s^gamma; where nothing differs, every direction is as good.
     let outer = if sum > 0.0 { metric.gamma() * value / sum } else { 0.0 };
-    let [_, n_o, n_d] = grid.shape();
+    let [n_i, n_o, n_d] = grid.shape();
+    let cosines: Vec<f64> = (0..n_i).map(|i| grid.angle(0, i).cos()).collect();
     let derivative = |cell: usize| {
-        let cosine = grid.angle(0, cell / (n_o * n_d)).cos();
-        [0, 1, 2].map(|c| if channels[c].0 > 0.0 { outer * cosine * channels[c].1[cell] } else { 0.0 })
+        let scale = outer * cosines[cell / (n_o * n_d)];
+        [0, 1, 2].map(|c| if channels[c].0 > 0.0 { scale * channels[c].1[cell] } else { 0.0 })
     };
     let derivatives = (0..grid.len()).map(derivative).collect();
-    Ok(TableGradient { value, grid: grid.cells(), derivatives })
+    Ok(Gradient { value, derivatives })
 }

@@ -3,6 +3,7 @@
 use super::GraphGrid;
 use super::spline::{resample, resample_mask};
 use crate::brdf::{Anchor, Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
+use crate::math::Rgb;
 use crate::metric::{MetricError, Side};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
@@ -136,19 +137,62 @@ impl CosineTable {
         Ok(CommonCells { mask: (count < self.grid.len()).then(|| both().collect()), count })
     }
 
+    /// The table of values f (linear RGB, 1/sr, finite and not negative) at the centres of all cells of `grid`.
+    pub(super) fn of_values(values: &[Rgb], grid: GraphGrid) -> Self {
+        let mut table = Self::empty(grid);
+        table.push(values.iter().copied().map(Some));
+        table
+    }
+
+    /// The values f on `grid` that [`CosineTable::of_values`] makes the table of `table` out of, but for rounding and for what
+    /// overshoots below black, which counts as black; NaN at masked cells.
+    ///
+    /// # Errors
+    /// Those of [`CosineTable::of`].
+    pub(super) fn values_of_table(table: &TabulatedBrdf, grid: GraphGrid) -> Result<Vec<Rgb>, MetricError> {
+        let table = Self::resampled(table, grid, Side::Candidate)?;
+        let cosines = table.cosines();
+        let value = |cell: usize| {
+            let value = [0, 1, 2].map(|c| table.values[c][cell].max(0.0) / cosines[table.row(cell)]);
+            if table.valid[cell] { value } else { [f64::NAN; 3] }
+        };
+        Ok((0..grid.len()).map(value).collect())
+    }
+
+    fn empty(grid: GraphGrid) -> Self {
+        let values = [(); 3].map(|()| Vec::with_capacity(grid.len()));
+        Self { grid, values, valid: Vec::with_capacity(grid.len()), sampling: None }
+    }
+
+    /// cos theta_i of every index along theta_i.
+    fn cosines(&self) -> Vec<f64> {
+        (0..self.grid.shape()[0]).map(|i| self.grid.angle(0, i).cos()).collect()
+    }
+
+    /// The index of a cell along theta_i.
+    fn row(&self, cell: usize) -> usize {
+        let [_, polar, azimuths] = self.grid.shape();
+        cell / (polar * azimuths)
+    }
+
+    /// The values f of the next cells.
+    fn push(&mut self, values: impl Iterator<Item = Option<Rgb>>) {
+        let cosines = self.cosines();
+        for value in values {
+            let cosine = cosines[self.row(self.valid.len())];
+            self.valid.push(value.is_some());
+            let value = value.unwrap_or_default();
+            self.values.iter_mut().zip(value).for_each(|(plane, v)| plane.push(v * cosine));
+        }
+    }
+
     fn evaluated(brdf: &dyn Brdf, grid: GraphGrid, side: Side) -> Result<Self, MetricError> {
         let [rows, _, _] = grid.shape();
         let directions = grid.cells().all_directions();
         let row = |i| evaluate_row(brdf, grid, &directions, i, side);
         let rows = (0..rows).into_par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
-        let mut table =
-            Self { grid, values: [(); 3].map(|()| Vec::with_capacity(grid.len())), valid: Vec::new(), sampling: None };
-        for (i, value) in rows.into_iter().enumerate().flat_map(|(i, row)| row.into_iter().map(move |v| (i, v))) {
-            let cosine = grid.angle(0, i).cos();
-            table.valid.push(value.is_some());
-            let value = value.unwrap_or_default();
-            table.values.iter_mut().zip(value).for_each(|(plane, v)| plane.push(v * cosine));
-        }
+        let mut table = Self::empty(grid);
+        table.push(rows.into_iter().flatten());
         Ok(table)
     }
 
@@ -203,14 +247,9 @@ fn evaluate_row(
     side: Side,
 ) -> Result<Vec<Option<[f64; 3]>>, MetricError> {
     let [_, polar, azimuths] = grid.shape();
-    // Where the two halves of a circle are the same, cells k and azimuths - 1 - k are, and the first half is enough.
-    let needed = if brdf.is_mirror_symmetric() { azimuths.div_ceil(2) } else { azimuths };
     let mut row = Vec::with_capacity(polar * azimuths);
     for o in 0..polar {
-        let start = (i * polar + o) * azimuths;
-        let (wi, wo): (Vec<_>, Vec<_>) = (start..start + needed).map(|cell| directions.get(cell)).unzip();
-        let mut values = vec![None; needed];
-        brdf.eval_in_gamut(&wi, &wo, &mut values);
+        let values = directions.evaluate_circle(brdf, i * polar + o);
         let bad = |value: &Option<[f64; 3]>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
         if let Some(k) = values.iter().position(bad) {
             let degrees = |axis, k| grid.angle(axis, k).to_degrees();
@@ -225,8 +264,7 @@ fn evaluate_row(
                 ),
             });
         }
-        row.extend_from_slice(&values);
-        row.extend((needed..azimuths).map(|k| values[azimuths - 1 - k]));
+        row.extend((0..azimuths).map(|k| values[directions.on_circle(k, values.len())]));
     }
     Ok(row)
 }

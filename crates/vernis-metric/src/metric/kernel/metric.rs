@@ -110,6 +110,7 @@ impl Metric for KernelMetric {
             unit: "1",
             symmetric: true,
             usable_as_loss: true,
+            differentiable: true,
             summary: format!("{family}, phi {tone}, alpha {alpha}, gamma {}", self.gamma),
             source: "Lavoué et al. 2021, section 6.1, doi:10.1111/cgf.142636; Feydy et al. 2019, arXiv:1810.08278",
             ..Properties::default()

@@ -1,20 +1,37 @@
 //! An exported metric as a [`Metric`]: descriptors of two BRDFs, then its regressor.
 //!
-//! Cost: that of the descriptors, see [`BrdfFeatures`]; the regressor takes less than a millisecond.
+//! The gradient is exact. It goes backwards through everything that the distance goes through: the regressor
+//! ([`super::Regressor::gradient`]), every descriptor ([`DescriptorSet::gradient`](crate::descriptor::DescriptorSet::gradient)), the pictures ([`Operator`](crate::light::Operator)) and the
+//! averages about the nodes ([`Sites`]). The reference is constant in it, its context included. Where a function has a kink, one
+//! subgradient is taken: 0 at zero difference, and 0 for a value that counts as 0 because it is negative. Descriptors of version 1
+//! have no gradient.
+//!
+//! Cost: that of the descriptors, see [`BrdfFeatures`]; the regressor takes less than a millisecond. Value and gradient together
+//! cost about three values.
 
 use super::exported::{ExportedError, ExportedMetric};
+use super::regressor::Function;
 use crate::brdf::Brdf;
 use crate::descriptor::{BrdfFeatures, Cache, CacheWarning, DescriptorOptions, Setup};
 use crate::io::read_text_at_most;
-use crate::metric::{Measured, Metric, MetricError, PreparedMetric, Properties, Score, Side};
+use crate::light::Sites;
+use crate::math::Rgb;
+use crate::metric::{Gradient, Measured, Metric, MetricError, Nodes, PreparedMetric, Properties, Score, Side};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Far more than an ensemble of networks needs.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// The text of the metric that comes with the library.
-const SHIPPED: &str = include_str!("vernis.vernis.json");
+/// Layout of the directions that descriptors of version 2 look at: theta_h, theta_d, phi_d.
+const NODES: &str = "half-difference-averages-57x16x20";
+
+/// The texts of the metrics that come with the library, under their names there.
+const SHIPPED: [(&str, &str); 3] = [
+    ("vernis", include_str!("vernis.vernis.json")),
+    ("vernis-loss", include_str!("vernis-loss.vernis.json")),
+    ("vernis-1", include_str!("vernis-1.vernis.json")),
+];
 
 /// An exported metric and what computes its descriptors.
 #[derive(Debug, Clone)]
@@ -54,7 +71,18 @@ impl LearnedMetric {
 
     /// The metric `vernis` that comes with the library, trained on the open part of the study of Lavoué et al. 2021.
     pub fn shipped() -> Result<Self, ExportedError> {
-        Self::parse(SHIPPED, "the embedded metric", &DescriptorOptions::default())
+        Self::embedded(SHIPPED[0])
+    }
+
+    /// The metrics that come with the library: [`LearnedMetric::shipped`]; `vernis-loss`, the metric to fit with, which is the distance
+    /// that `vernis` begins with; and `vernis-1`, version 1 of `vernis`, whose scores stand in older reports.
+    pub fn all_shipped() -> Result<Vec<Self>, ExportedError> {
+        SHIPPED.map(Self::embedded).into_iter().collect()
+    }
+
+    fn embedded((name, text): (&str, &str)) -> Result<Self, ExportedError> {
+        let metric = Self::parse(text, &format!("the embedded metric {name}"), &DescriptorOptions::default())?;
+        Ok(if metric.exported.name == name { metric } else { metric.renamed(name.to_owned()) })
     }
 
     fn parse(text: &str, file: &str, options: &DescriptorOptions) -> Result<Self, ExportedError> {
@@ -92,6 +120,30 @@ impl LearnedMetric {
         self.exported.score(&raw).map_err(|e| self.of_pair(&e))
     }
 
+    /// What a fit minimises ([`ExportedMetric::loss_and_gradient`]).
+    pub fn loss(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<f64, MetricError> {
+        let raw = self.exported.descriptors.set.compare(reference, candidate, &self.setup);
+        self.exported.loss_and_gradient(&raw).map(|(value, _)| value).map_err(|e| self.of_pair(&e))
+    }
+
+    /// The directions at which its descriptors look.
+    fn nodes(&self) -> Arc<Nodes> {
+        Nodes::shared(NODES, |id| {
+            let sites = Sites::of(self.setup.sampling());
+            Nodes::new(id, sites.wi().to_vec(), sites.wo().to_vec())
+        })
+    }
+
+    /// Whether it is a metric in the mathematical sense, symmetric and with a triangle inequality, among BRDFs that are measured
+    /// everywhere.
+    fn is_true_metric(&self) -> bool {
+        self.exported.regressor.terms.iter().all(|term| matches!(term.function, Function::Saturated { .. }))
+    }
+
+    fn is_differentiable(&self) -> bool {
+        self.exported.descriptors.set.is_differentiable(&self.setup)
+    }
+
     /// The distance before it is cut off at zero ([`ExportedMetric::signed_distance`]).
     pub fn signed_distance(&self, reference: &BrdfFeatures, candidate: &BrdfFeatures) -> Result<f64, MetricError> {
         let raw = self.exported.descriptors.set.compare(reference, candidate, &self.setup);
@@ -125,14 +177,15 @@ impl Metric for LearnedMetric {
         Properties {
             family: super::FAMILY,
             unit: "MOS",
-            symmetric: false,
+            symmetric: self.is_true_metric(),
             usable_as_loss: true,
+            differentiable: self.is_differentiable(),
             summary: format!(
                 "learned from {made_of} of {} pairs ({}), version {}{on}",
                 self.exported.provenance.rows, self.exported.provenance.study, self.exported.metric_version
             ),
             source: "vernis; see the model card",
-            rough: true,
+            rough: !self.is_true_metric(),
             synthetic: self.exported.provenance.synthetic,
         }
     }
@@ -171,6 +224,49 @@ impl PreparedMetric for Prepared {
     }
 
     fn loss(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
-        self.metric.signed_distance(&self.reference, &self.metric.features(candidate, Side::Candidate)?)
+        self.metric.loss(&self.reference, &self.metric.features(candidate, Side::Candidate)?)
+    }
+
+    fn nodes(&self) -> Option<Arc<Nodes>> {
+        self.metric.is_differentiable().then(|| self.metric.nodes())
+    }
+
+    fn distance_at(&self, values: &[Rgb]) -> Result<f64, MetricError> {
+        Ok(self.metric.score(&self.reference, &self.of_values(values)?)?.distance)
+    }
+
+    /// Of the distance before it is cut off at zero: the same wherever that is positive.
+    fn gradient_at(&self, values: &[Rgb]) -> Result<Gradient, MetricError> {
+        self.gradient_of(values, ExportedMetric::signed_distance_and_gradient)
+    }
+
+    fn loss_gradient_at(&self, values: &[Rgb]) -> Result<Gradient, MetricError> {
+        self.gradient_of(values, ExportedMetric::loss_and_gradient)
+    }
+}
+
+/// A value of an exported metric and its derivative by the descriptors.
+type ByDescriptors = fn(&ExportedMetric, &[f64]) -> Result<(f64, Vec<f64>), ExportedError>;
+
+impl Prepared {
+    fn of_values(&self, values: &[Rgb]) -> Result<BrdfFeatures, MetricError> {
+        let metric = &self.metric;
+        if !metric.is_differentiable() {
+            return Err(MetricError::NoNodes);
+        }
+        metric.nodes().check(metric.name(), values)?;
+        BrdfFeatures::of_values(values, &metric.setup)
+            .map_err(|e| MetricError::Unusable { side: Side::Candidate, reason: e.to_string() })
+    }
+
+    fn gradient_of(&self, values: &[Rgb], of: ByDescriptors) -> Result<Gradient, MetricError> {
+        let (metric, candidate) = (&self.metric, self.of_values(values)?);
+        let (set, setup) = (&metric.exported.descriptors.set, &*metric.setup);
+        let raw = set.compare(&self.reference, &candidate, setup);
+        let (value, by_descriptor) = of(&metric.exported, &raw).map_err(|e| metric.of_pair(&e))?;
+        let derivatives = set
+            .gradient(&self.reference, &candidate, setup, values, &by_descriptor)
+            .map_err(|_| MetricError::NoGradient { metric: metric.name().to_owned() })?;
+        Ok(Gradient { value, derivatives })
     }
 }

@@ -9,9 +9,6 @@ use rayon::prelude::*;
 /// One channel of a block.
 pub(super) type Plane = [f64; AZIMUTHS];
 
-/// The first azimuths of a circle, 0 to 180 degrees, which tell the others where the two halves are mirror images.
-const HALF_CIRCLE: usize = AZIMUTHS / 2 + 1;
-
 /// Which azimuth each place of a plane holds. Both numbers are multiples of the kernel's groups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Extent {
@@ -63,9 +60,14 @@ impl Block {
 
     /// Fills the places of `extent` from the samples of a whole circle or of its first half.
     pub fn place(&mut self, values: &[Option<Rgb>], extent: Extent) {
+        self.place_each(extent, |k| values[if k < values.len() { k } else { AZIMUTHS - k }]);
+    }
+
+    /// Fills the places of `extent` with the samples at their azimuths.
+    fn place_each(&mut self, extent: Extent, sample: impl Fn(usize) -> Option<Rgb>) {
         let [red, green, blue] = &mut self.rgb;
         for place in 0..extent.cells {
-            let sample = extent.azimuth(place).and_then(|k| values[if k < values.len() { k } else { AZIMUTHS - k }]);
+            let sample = extent.azimuth(place).and_then(&sample);
             self.valid[place] = sample.is_some();
             [red[place], green[place], blue[place]] = sample.unwrap_or_default();
         }
@@ -135,10 +137,7 @@ impl Evaluated<'_> {
     /// The values at one block; `None` where the BRDF has no measurement. Where the two halves of the circle are the
     /// same, the first.
     fn evaluate(&self, i: usize, o: usize) -> Result<Vec<Option<Rgb>>, MetricError> {
-        let evaluated = if self.brdf.is_mirror_symmetric() { HALF_CIRCLE } else { AZIMUTHS };
-        let (wi, wo): (Vec<_>, Vec<_>) = range(i, o).take(evaluated).map(|cell| self.directions.get(cell)).unzip();
-        let mut values = vec![None; evaluated];
-        self.brdf.eval_in_gamut(&wi, &wo, &mut values);
+        let values = self.directions.evaluate_circle(self.brdf, i * POLAR + o);
         let bad = |value: &Option<Rgb>| value.is_some_and(|v| v.iter().any(|c| !c.is_finite() || *c < 0.0));
         match values.iter().position(bad) {
             None => Ok(values),
@@ -188,6 +187,47 @@ impl Cells for Samples {
     fn is_mirror_symmetric(&self) -> bool {
         self.mirror_symmetric
     }
+}
+
+/// Values on the nodes of an Lp metric.
+pub(super) struct NodeValues<'a> {
+    values: &'a [Rgb],
+    /// Polar angles that the nodes have along each axis.
+    polar: usize,
+    mirror_symmetric: bool,
+}
+
+impl<'a> NodeValues<'a> {
+    /// `values`: one a node, `polar` angles along both axes and [`AZIMUTHS`]; finite and not negative.
+    pub fn new(values: &'a [Rgb], polar: usize) -> Self {
+        let is_own_image = |circle: &[Rgb]| (1..AZIMUTHS / 2).all(|k| circle[k] == circle[AZIMUTHS - k]);
+        Self { values, polar, mirror_symmetric: values.par_chunks(AZIMUTHS).all(is_own_image) }
+    }
+}
+
+impl Cells for NodeValues<'_> {
+    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+        let start = (i * self.polar + o) * AZIMUTHS;
+        block.place_each(extent, |k| Some(self.values[start + k]));
+        Ok(())
+    }
+
+    fn is_mirror_symmetric(&self) -> bool {
+        self.mirror_symmetric
+    }
+}
+
+/// The values of a table at the cells with polar angles below `polar` degrees, as [`cells`] has them.
+pub(super) fn table_on_nodes(table: &TabulatedBrdf, polar: usize) -> Result<Vec<Rgb>, MetricError> {
+    let converted;
+    let table = if table.grid() == Grid::TITOPO {
+        table
+    } else {
+        converted = resampled(table, Side::Candidate)?;
+        &converted
+    };
+    let value = |cell: usize| if table.valid()[cell] { table.values()[cell].map(f64::from) } else { [f64::NAN; 3] };
+    Ok((0..polar * polar).flat_map(|row| range(row / polar, row % polar)).map(value).collect())
 }
 
 /// The cells of a BRDF that is read once. A table on another grid is looked up at the cells of [`Grid::TITOPO`].
@@ -245,7 +285,7 @@ mod tests {
         }
         assert_eq!(counted, [1; AZIMUTHS]);
         let mut block = Block::new();
-        block.place(&[Some([1.0; 3]); HALF_CIRCLE], Extent::FOLDED);
+        block.place(&[Some([1.0; 3]); AZIMUTHS / 2 + 1], Extent::FOLDED);
         assert_eq!(block.clone().mask(&mut block, Extent::FOLDED), AZIMUTHS as u64);
     }
 }

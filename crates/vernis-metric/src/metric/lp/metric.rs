@@ -1,12 +1,18 @@
 //! Each Lp variant as a metric of its own.
 
-use super::block::{Cells, cells, owned_cells};
+use super::block::{Cells, NodeValues, cells, owned_cells, table_on_nodes};
+use super::formula::CellFormula;
+use super::gradient::gradient;
 use super::kernel::Work;
 use super::pass::Sums;
 use super::variant::{Formula, LpVariant};
-use super::{FAMILY, LpDistances, LpReference, VERSION};
-use crate::brdf::Brdf;
-use crate::metric::{Measured, Metric, MetricError, PreparedMetric, PreparedShare, Properties, Share, Side};
+use super::{AZIMUTHS, FAMILY, LpDistances, LpReference, POLAR, POLAR_CLAMPED, VERSION};
+use crate::brdf::{Brdf, Grid};
+use crate::math::Rgb;
+use crate::metric::{
+    Gradient, Measured, Metric, MetricError, Nodes, PreparedMetric, PreparedShare, Properties, Share, Side,
+};
+use std::sync::Arc;
 
 /// One Lp variant. It computes only what its formula needs; [`super::LpDistances`] gives all at once.
 #[derive(Debug, Clone)]
@@ -29,6 +35,26 @@ impl LpMetric {
     fn between(&self, reference: &dyn Cells, candidate: &dyn Cells) -> Result<f64, MetricError> {
         let sums = Sums::over(reference, candidate, &Work::for_variants([self.variant]))?;
         checked_distance(&sums, self.variant)
+    }
+}
+
+impl LpMetric {
+    /// Polar angles that take part, along each axis.
+    fn polar(&self) -> usize {
+        if self.variant.clamped { POLAR_CLAMPED } else { POLAR }
+    }
+
+    fn nodes(&self) -> Arc<Nodes> {
+        let polar = self.polar();
+        let id = format!("lp-{polar}x{polar}x{AZIMUTHS}");
+        Nodes::shared(&id, |id| {
+            Nodes::of_cells(id, Grid::TITOPO, [polar, polar, AZIMUTHS], move |table| table_on_nodes(table, polar))
+        })
+    }
+
+    fn checked<'a>(&self, values: &'a [Rgb]) -> Result<NodeValues<'a>, MetricError> {
+        self.nodes().check(&self.name, values)?;
+        Ok(NodeValues::new(values, self.polar()))
     }
 }
 
@@ -58,6 +84,7 @@ impl Metric for LpMetric {
             symmetric: true,
             // The colour coordinates of D6 jump.
             usable_as_loss: formula != Formula::D6,
+            differentiable: CellFormula::of(self.variant).is_some(),
             summary: format!("{}{cube_root}{clamped}", formula.summary()),
             source: match formula {
                 Formula::Lab => "CIE 15:2018, section 8.2.1, weighted as D6",
@@ -92,6 +119,27 @@ struct Prepared {
 impl PreparedMetric for Prepared {
     fn distance(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {
         self.metric.between(&*self.reference, &*cells(candidate, Side::Candidate)?)
+    }
+
+    fn nodes(&self) -> Option<Arc<Nodes>> {
+        Some(self.metric.nodes())
+    }
+
+    fn distance_at(&self, values: &[Rgb]) -> Result<f64, MetricError> {
+        self.metric.between(&*self.reference, &self.metric.checked(values)?)
+    }
+
+    /// The derivatives that [`crate::metric::lp`] lists.
+    fn gradient_at(&self, values: &[Rgb]) -> Result<Gradient, MetricError> {
+        let values = self.metric.checked(values)?;
+        let Some(cell) = CellFormula::of(self.metric.variant) else {
+            return Err(MetricError::NoGradient { metric: self.metric.name.clone() });
+        };
+        gradient(self.metric.variant, cell, self.metric.polar(), &*self.reference, &values)
+    }
+
+    fn smooth_power(&self) -> f64 {
+        self.metric.variant.formula.smooth_power()
     }
 }
 

@@ -119,7 +119,7 @@ mod tests {
     use crate::metric::lp::block::{Block, cells};
     use crate::metric::lp::formula::CellFormula;
     use crate::metric::lp::kernel::{STUDY_XYZ, study_lab};
-    use crate::metric::lp::{AZIMUTHS, POLAR};
+    use crate::metric::lp::{AZIMUTHS, EPSILON, POLAR};
     use rand::Rng;
     use std::f64::consts::PI;
 
@@ -150,14 +150,20 @@ mod tests {
     fn plain_terms(variant: LpVariant, r: Rgb, a: Rgb, weights: &Weights) -> [f64; 3] {
         let root = |x: f64| if variant.cube_root { x.cbrt() } else { x };
         let coordinates = |rgb: Rgb| match (CellFormula::of(variant), variant.formula) {
-            (Some(formula), _) => rgb.map(|f| formula.curve(f, weights.cosine)),
+            (Some(_), Formula::D8 | Formula::D9) => rgb.map(|f| (root(f) * weights.cosine + EPSILON).ln()),
+            (Some(_), _) => rgb.map(root),
             (None, Formula::D6) => study_lab(rgb, &STUDY_XYZ).map(root),
             (None, _) => cielab(rgb.map(|f| root(PI * f))),
         };
         let (r, a) = (coordinates(r), coordinates(a));
         [0, 1, 2].map(|c| {
             let d = a[c] - r[c];
-            weights.of(variant.formula) * CellFormula::of(variant).map_or(d * d, |formula| formula.term(d))
+            let term = match variant.formula {
+                Formula::D5 | Formula::D8 => d.abs(),
+                Formula::D3 | Formula::D7 => (d * d).cbrt(),
+                _ => d * d,
+            };
+            weights.of(variant.formula) * term
         })
     }
 

@@ -17,6 +17,17 @@ const MOST_STEPS: usize = 1_000_000;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Annealing {
     epsilons: Vec<f64>,
+    /// By how much those that follow the diameter are larger than listed: all but the last.
+    stretch: f64,
+}
+
+/// One update of the potentials, f <- keep f + (1 - keep) softmin_epsilon.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Step {
+    pub epsilon: f64,
+    pub keep: f64,
+    /// The epsilon of the schedule as it was made, which decides on what nodes the step takes place.
+    pub listed: f64,
 }
 
 impl Annealing {
@@ -33,7 +44,14 @@ impl Annealing {
         }
         let falling = (0..count as usize).map(|k| (start + k as f64 * step).exp());
         let ends = (diameter.powf(p), parameters.blur().powf(p));
-        Ok(Self { epsilons: std::iter::once(ends.0).chain(falling).chain([ends.1]).collect() })
+        let epsilons = std::iter::once(ends.0).chain(falling).chain([ends.1]).collect();
+        Ok(Self { epsilons, stretch: 1.0 })
+    }
+
+    /// The schedule for a slightly larger diameter, `factor` times epsilon, with as many steps on the same nodes: for the derivative
+    /// with respect to the diameter.
+    pub fn stretched(&self, factor: f64) -> Self {
+        Self { epsilons: self.epsilons.clone(), stretch: factor }
     }
 
     /// The last and smallest epsilon but for tiny diameters, b^p.
@@ -41,11 +59,17 @@ impl Annealing {
         self.epsilons.last().copied().unwrap_or(1.0)
     }
 
-    /// (epsilon, keep) of every update of the potentials, f <- keep f + (1 - keep) softmin_epsilon: one that starts from
-    /// nothing, the averaged ones, and the last, which replaces.
-    pub fn updates(&self) -> impl DoubleEndedIterator<Item = (f64, f64)> {
-        let ends = (self.epsilons.first().map(|&e| (e, 0.0)), self.epsilons.last().map(|&e| (e, 0.0)));
-        ends.0.into_iter().chain(self.epsilons.iter().map(|&e| (e, 0.5))).chain(ends.1)
+    /// Every update of the potentials: one that starts from nothing, the averaged ones, and the last, which replaces.
+    pub fn updates(&self) -> impl DoubleEndedIterator<Item = Step> {
+        let count = self.epsilons.len();
+        let step = move |k: usize, keep: f64| {
+            let listed = self.epsilons[k];
+            let epsilon = if k + 1 < count { self.stretch * listed } else { listed };
+            Step { epsilon, keep, listed }
+        };
+        let start = (count > 0).then(|| step(0, 0.0)).into_iter();
+        let end = (count > 0).then(|| step(count - 1, 0.0));
+        start.chain((0..count).map(move |k| step(k, 0.5))).chain(end)
     }
 }
 

@@ -177,6 +177,7 @@ impl Metric for TransportMetric {
             unit: "1",
             symmetric: true,
             usable_as_loss: true,
+            differentiable: true,
             summary: format!(
                 "Sinkhorn divergence between graphs, p {}, alpha {}, blur {}, scaling {}, phi {}, gamma {}",
                 p.cost().power(),

@@ -202,6 +202,15 @@ impl Extents {
         extents
     }
 
+    /// The lengths of the joint diagonal's change with the largest and with the smallest value of `candidate`: 0 where the
+    /// reference's is as far out.
+    fn diameter_slopes(&self, candidate: &Self, diameter: f64) -> [f64; 2] {
+        let (low, high) = (min(self.values.0, candidate.values.0), max(self.values.1, candidate.values.1));
+        let slope = (high - low) / diameter;
+        let outermost = [candidate.values.1 > self.values.1, candidate.values.0 < self.values.0];
+        [if outermost[0] { slope } else { 0.0 }, if outermost[1] { -slope } else { 0.0 }]
+    }
+
     /// Diagonal of the bounding box of both graphs.
     fn joint_diameter(&self, other: &Self, alpha: f64) -> f64 {
         let length = |a: (f64, f64), b: (f64, f64)| a.1.max(b.1) - a.0.min(b.0);
@@ -217,8 +226,8 @@ const NOTHING: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 struct Comparison<'a> {
     reference: Cow<'a, PreparedChannel>,
     candidate: Cow<'a, PreparedChannel>,
-    /// `None` where all points of both sides coincide.
-    annealing: Option<Annealing>,
+    /// The diameter of both and its schedule; `None` where all points of both sides coincide.
+    annealing: Option<(f64, Annealing)>,
 }
 
 impl<'a> Comparison<'a> {
@@ -238,7 +247,7 @@ impl<'a> Comparison<'a> {
         };
         let diameter = reference.extents.joint_diameter(&candidate.extents, parameters.alpha());
         // One that is no number is refused by the annealing.
-        let annealing = if diameter == 0.0 { None } else { Some(Annealing::new(parameters, diameter)?) };
+        let annealing = if diameter == 0.0 { None } else { Some((diameter, Annealing::new(parameters, diameter)?)) };
         Ok(Self { reference, candidate, annealing })
     }
 }
@@ -255,17 +264,19 @@ pub fn divergence(
     candidate: &PreparedChannel,
 ) -> Result<f64, TransportError> {
     let pair = Comparison::new(parameters, reference, candidate)?;
-    let Some(annealing) = &pair.annealing else { return Ok(0.0) };
-    match (&pair.reference.form, &pair.candidate.form) {
-        (Form::Quantised(a), Form::Quantised(b)) => Ok(quantised::divergence(parameters.alpha(), annealing, a, b)),
-        (Form::Direct(a), Form::Direct(b)) => Ok(direct::divergence(parameters, annealing, a, b)),
-        _ => Err(TransportError::Mismatch),
+    match &pair.annealing {
+        Some((_, annealing)) => pair.divergence(parameters, annealing),
+        None => Ok(0.0),
     }
 }
 
 /// The divergence and its derivative with respect to the values phi(max(f cos theta_i, 0)) of the candidate's cells, 0 at
-/// cells that do not take part: the gradient of the very number that is returned, and that [`divergence`] returns, with the
-/// schedule of epsilons held (`annealing.rs`).
+/// cells that do not take part: the gradient of the very number that is returned, and that [`divergence`] returns.
+///
+/// Every update of the potentials is differentiated, for they have not converged when the annealing ends, and so are the
+/// epsilons, which follow the diameter of both graphs and with it the candidate's largest and smallest value. Cells that share the
+/// largest value share its derivative. Where the value itself jumps or has a kink, the derivative is that of one side: where the
+/// schedule gains a step, and where a cell passes a value node of a quantised graph.
 ///
 /// # Errors
 /// Those of [`divergence`].
@@ -275,19 +286,69 @@ pub fn divergence_and_gradient(
     candidate: &PreparedChannel,
 ) -> Result<(f64, Vec<f64>), TransportError> {
     let pair = Comparison::new(parameters, reference, candidate)?;
-    let values = &pair.candidate.values;
-    let Some(annealing) = &pair.annealing else { return Ok((0.0, vec![0.0; values.len()])) };
-    let valid = |cell| pair.candidate.is_valid(cell);
-    match (&pair.reference.form, &pair.candidate.form) {
-        (Form::Quantised(a), Form::Quantised(b)) => {
-            Ok(quantised::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
+    let Some((diameter, annealing)) = &pair.annealing else { return Ok((0.0, vec![0.0; pair.candidate.values.len()])) };
+    let slopes = pair.reference.extents.diameter_slopes(&pair.candidate.extents, *diameter);
+    let stretched = || match slopes == [0.0; 2] {
+        true => Ok(None),
+        false => {
+            pair.divergence(parameters, &annealing.stretched((1.0 + STRETCH).powf(parameters.cost().power()))).map(Some)
         }
-        (Form::Direct(a), Form::Direct(b)) => {
-            let (value, of_points) = direct::divergence_and_gradient(parameters, annealing, a, b);
-            let mut of_points = of_points.into_iter();
-            let of_cell = |cell| if valid(cell) { of_points.next().unwrap_or_default() } else { 0.0 };
-            Ok((value, (0..values.len()).map(of_cell).collect()))
+    };
+    let (found, stretched) = rayon::join(|| pair.divergence_and_gradient(parameters, annealing), stretched);
+    let (value, mut gradient) = found?;
+    if let Some(stretched) = stretched? {
+        let of_diameter = (stretched - value) / (STRETCH * diameter);
+        let (low, high) = pair.candidate.extents.values;
+        pair.share_out(high, of_diameter * slopes[0], &mut gradient);
+        pair.share_out(low, of_diameter * slopes[1], &mut gradient);
+    }
+    Ok((value, gradient))
+}
+
+/// The relative change of the diameter from which the derivative with respect to it is taken. Its error is about as large, and only the
+/// part of the gradient that goes by way of the epsilons has it.
+const STRETCH: f64 = 1e-4;
+/// Values that differ by less than this share of their range are one extreme: mirror images of a cell differ in the last digit.
+const SAME: f64 = 1e-9;
+
+impl Comparison<'_> {
+    fn divergence(&self, parameters: &SinkhornParameters, annealing: &Annealing) -> Result<f64, TransportError> {
+        match (&self.reference.form, &self.candidate.form) {
+            (Form::Quantised(a), Form::Quantised(b)) => Ok(quantised::divergence(parameters.alpha(), annealing, a, b)),
+            (Form::Direct(a), Form::Direct(b)) => Ok(direct::divergence(parameters, annealing, a, b)),
+            _ => Err(TransportError::Mismatch),
         }
-        _ => Err(TransportError::Mismatch),
+    }
+
+    /// With the epsilons held.
+    fn divergence_and_gradient(
+        &self,
+        parameters: &SinkhornParameters,
+        annealing: &Annealing,
+    ) -> Result<(f64, Vec<f64>), TransportError> {
+        let values = &self.candidate.values;
+        let valid = |cell| self.candidate.is_valid(cell);
+        match (&self.reference.form, &self.candidate.form) {
+            (Form::Quantised(a), Form::Quantised(b)) => {
+                Ok(quantised::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
+            }
+            (Form::Direct(a), Form::Direct(b)) => {
+                let (value, of_points) = direct::divergence_and_gradient(parameters, annealing, a, b);
+                let mut of_points = of_points.into_iter();
+                let of_cell = |cell| if valid(cell) { of_points.next().unwrap_or_default() } else { 0.0 };
+                Ok((value, (0..values.len()).map(of_cell).collect()))
+            }
+            _ => Err(TransportError::Mismatch),
+        }
+    }
+
+    /// Adds `derivative` to the cells of the candidate that have the value `extreme`, in equal parts.
+    fn share_out(&self, extreme: f64, derivative: f64, gradient: &mut [f64]) {
+        let (low, high) = self.candidate.extents.values;
+        let has = |&cell: &usize| {
+            self.candidate.is_valid(cell) && (self.candidate.values[cell] - extreme).abs() <= SAME * (high - low)
+        };
+        let cells: Vec<usize> = (0..gradient.len()).filter(has).collect();
+        cells.iter().for_each(|&cell| gradient[cell] += derivative / cells.len() as f64);
     }
 }

@@ -11,7 +11,7 @@
 //!
 //! Cost: 2 divergences. Memory: the potentials of every update, cells x 24 bytes an update.
 
-use super::super::annealing::Annealing;
+use super::super::annealing::{Annealing, Step};
 use super::super::elementary::{LANES, Lanes, exp, fma};
 use super::super::{GroundCost, SinkhornParameters};
 use super::{CHUNK, Kernel, Points, Potentials};
@@ -26,16 +26,16 @@ pub(in crate::metric::transport) fn divergence_and_gradient(
     a: &Points,
     b: &Points,
 ) -> (f64, Vec<f64>) {
-    let updates: Vec<(f64, f64)> = annealing.updates().collect();
+    let updates: Vec<Step> = annealing.updates().collect();
     let kernel = |epsilon| Kernel { cost: parameters.cost(), alpha: parameters.alpha(), epsilon };
     let mut states = vec![Potentials::zero(a, b)];
-    for (k, &(epsilon, keep)) in updates.iter().enumerate() {
+    for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate() {
         let next = states[k].updated(&kernel(epsilon), keep, a, b);
         states.push(next);
     }
     let value = states[updates.len()].value();
     let mut reverse = Reverse::new(a, b);
-    for (k, &(epsilon, keep)) in updates.iter().enumerate().rev() {
+    for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate().rev() {
         reverse.step(&kernel(epsilon), keep, a, b, &states[k], &states[k + 1]);
     }
     (value, reverse.of_values)

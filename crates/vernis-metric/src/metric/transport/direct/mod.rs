@@ -11,7 +11,7 @@ mod gradient;
 
 pub(super) use gradient::divergence_and_gradient;
 
-use super::annealing::Annealing;
+use super::annealing::{Annealing, Step};
 use super::elementary::{LANES, Lanes, exp, fma, max};
 use super::{GroundCost, SinkhornParameters};
 use crate::metric::graph::GraphGrid;
@@ -101,7 +101,8 @@ impl Potentials {
 pub(super) fn divergence(parameters: &SinkhornParameters, annealing: &Annealing, a: &Points, b: &Points) -> f64 {
     let kernel = |epsilon| Kernel { cost: parameters.cost(), alpha: parameters.alpha(), epsilon };
     let start = Potentials::zero(a, b);
-    annealing.updates().fold(start, |old, (epsilon, keep)| old.updated(&kernel(epsilon), keep, a, b)).value()
+    let update = |old: Potentials, Step { epsilon, keep, .. }| old.updated(&kernel(epsilon), keep, a, b);
+    annealing.updates().fold(start, update).value()
 }
 
 impl Kernel {

@@ -9,14 +9,14 @@
 //!
 //! a Gaussian sum of the same kind as the update itself. The splat follows by the chain rule ([`pull_back`]).
 //!
-//! It is the gradient of the very number that `divergence` returns, with the schedule of epsilons held: the schedule
-//! depends on the largest and smallest values alone, and jumps where it gains a step. Where two limits of the anti-diffusion
-//! tie, one of the two one-sided derivatives is taken.
+//! It is the gradient of the very number that `divergence` returns, with the schedule of epsilons held: what the schedule adds, by way
+//! of the largest and smallest values, is added by [`divergence_and_gradient`](super::super::divergence_and_gradient). Where two
+//! limits of the anti-diffusion tie, one of the two one-sided derivatives is taken.
 //!
 //! Coarser levels (`levels.rs`) are linear in the finer ones' masses but for the limits of their anti-diffusion, and so are
 //! finer levels' potentials in the coarser ones'.
 //!
-//! Cost: 2.5 divergences. Memory: the potentials before and after every update, base nodes x value nodes x 48 bytes an
+//! Cost: 2.5 divergences, and one more where the schedule adds something. Memory: the potentials before and after every update, base nodes x value nodes x 48 bytes an
 //! update on level 0 (about 5 MB for a metal at the default setting).
 
 use super::super::annealing::Annealing;

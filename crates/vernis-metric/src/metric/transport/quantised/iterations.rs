@@ -7,7 +7,7 @@
 //!
 //! Memory: 8 arrays of base nodes x value nodes x 8 bytes, about 2 MB for a metal at the default setting.
 
-use super::super::annealing::Annealing;
+use super::super::annealing::{Annealing, Step};
 use super::super::elementary::LANES;
 use super::field::Field;
 use super::gaussian::{Gaussian, Nodes, Sink, Spread};
@@ -43,9 +43,9 @@ pub(super) fn updates(annealing: &Annealing, levels: usize, finest: Nodes) -> im
     let mut following = (0, 0);
     // The level that it takes place on, and how many updates do from there on.
     let mut here = (0, 0);
-    let from_the_end = annealing.updates().rev().map(|(epsilon, keep)| {
+    let from_the_end = annealing.updates().rev().map(|Step { epsilon, keep, listed }| {
         // Rounding must not decide about powers of two.
-        let level = (0.5 * (epsilon / last).log2() + 1e-9).max(0.0) as usize;
+        let level = (0.5 * (listed / last).log2() + 1e-9).max(0.0) as usize;
         following = (level, if level == following.0 { following.1 + 1 } else { 1 });
         let leads_there = usize::from(following.1 > PER_LEVEL);
         let level = (level + leads_there).min(levels.saturating_sub(1));

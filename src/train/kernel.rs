@@ -25,7 +25,7 @@ use super::standardize::Standardized;
 use super::{INNER_FOLDS, Predictor, TrainError, Trainer, check_set};
 use crate::samples::split::{Fold, TrainingSet};
 use ndarray::{Array2, ArrayView2, Axis};
-use vernis_metric::math::cholesky::{dot, solve};
+use vernis_metric::math::cholesky::solve;
 use vernis_metric::math::seed;
 use vernis_metric::metric::learned::{Function, Kernel, Radial, Regressor, Term};
 
@@ -171,9 +171,9 @@ impl Distances {
         let differences = z - z0;
         Self {
             features: z.ncols() as f64,
-            rows: distances(z.view(), z.view()),
+            rows: own_distances(z.view()),
             rows_to_identity: distances(z.view(), z0.view()),
-            identity: distances(z0.view(), z0.view()),
+            identity: own_distances(z0.view()),
             products: differences.dot(&differences.t()),
         }
     }
@@ -192,14 +192,41 @@ impl Distances {
 
 /// Euclidean distances of all pairs of rows, summed directly: the usual |a|^2 - 2 a.b + |b|^2 cancels for near rows.
 fn distances(a: ArrayView2<'_, f64>, b: ArrayView2<'_, f64>) -> Array2<f64> {
+    let others: Vec<Vec<f64>> = b.outer_iter().map(|row| row.to_vec()).collect();
     let mut out = Array2::zeros((a.nrows(), b.nrows()));
-    for (a, mut out) in a.outer_iter().zip(out.outer_iter_mut()) {
-        for (b, out) in b.outer_iter().zip(out.iter_mut()) {
-            let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-            *out = dot(&difference, &difference).sqrt();
+    for (row, mut out) in a.outer_iter().zip(out.outer_iter_mut()) {
+        let row = row.to_vec();
+        out.iter_mut().zip(&others).for_each(|(out, other)| *out = squared_distance(&row, other).sqrt());
+    }
+    out
+}
+
+/// The same of all pairs of rows of one matrix.
+fn own_distances(a: ArrayView2<'_, f64>) -> Array2<f64> {
+    let rows: Vec<Vec<f64>> = a.outer_iter().map(|row| row.to_vec()).collect();
+    let mut out = Array2::zeros((rows.len(), rows.len()));
+    for i in 0..rows.len() {
+        for j in 0..i {
+            let distance = squared_distance(&rows[i], &rows[j]).sqrt();
+            out[[i, j]] = distance;
+            out[[j, i]] = distance;
         }
     }
     out
+}
+
+/// |a - b|^2, in eight sums that the processor adds side by side.
+fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let tail: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| (a - b) * (a - b)).sum();
+    for (a, b) in a8.zip(b8) {
+        for i in 0..8 {
+            let d = a[i] - b[i];
+            lanes[i] += d * d;
+        }
+    }
+    lanes.iter().sum::<f64>() + tail
 }
 
 /// Weighted ridge regression on the columns of a low-rank factor.
@@ -268,6 +295,7 @@ mod tests {
     use crate::samples::Samples;
     use rand::Rng;
     use vernis_metric::descriptor::{Column, Role};
+    use vernis_metric::math::cholesky::dot;
 
     fn set(n: usize) -> TrainingSet {
         let mut rng = seed::stream(2, "kernel-test", 0);

@@ -46,6 +46,9 @@ pub struct StudyOptions {
     /// Bootstrap resamples of materials, 40 to 20000.
     #[arg(long, value_name = "N", default_value_t = RESAMPLES, value_parser = limits::resamples)]
     resamples: usize,
+    /// Also judge the metric with one part changed, which says what each part is worth. Takes several minutes more.
+    #[arg(long)]
+    variants: bool,
     /// Print the benchmark record as JSON instead of the table.
     #[arg(long)]
     json: bool,
@@ -168,6 +171,7 @@ impl Job {
             descriptors: options.input.view.options(),
             folds: options.folds,
             resamples: options.resamples,
+            variants: options.variants,
             seed: options.seed,
             scores: None,
         };

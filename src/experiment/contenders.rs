@@ -65,6 +65,8 @@ pub struct RunInfo<'a> {
     pub metric_versions: BTreeMap<String, String>,
     /// Distances that were computed elsewhere, which take part.
     pub external: Option<&'a ExternalScores>,
+    /// Whether [`recipe::variants`] take part.
+    pub variants: bool,
 }
 
 /// The names of the metrics that take part beside `classical` ones.
@@ -95,7 +97,8 @@ pub fn measure(
     let graphs = samples.select_columns(|c| GRAPH_FAMILIES.contains(&c.family.as_str()));
     let mut bench = Bench::new(protocol.clone(), &samples)?;
     let mut left_out = plan.left_out.clone();
-    let (parts, metrics, variants) = (parts(), metrics(), recipe::variants());
+    let variants = if info.variants { recipe::variants() } else { Vec::new() };
+    let (parts, metrics) = (parts(), metrics());
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
     let external = info.external.map(|scores| scores.samples(study)).transpose()?;
     let of_file = || info.external.iter().zip(&external).flat_map(|(scores, samples)| scores.contenders(samples));
@@ -283,11 +286,6 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
             "kernel ridge regression on all training rows; not exported, for the ratings could be solved for",
         ),
         (
-            Box::new(recipe::kernel()),
-            MetricKind::Learned,
-            "the landmark kernel of version 1: kernel and ridge chosen on inner folds",
-        ),
-        (
             Box::new(recipe::network()),
             MetricKind::Learned,
             "an ensemble of small networks in burn, once half of the metric: left out of it since version 2",
@@ -295,7 +293,7 @@ fn parts() -> Vec<(Box<dyn Trainer>, MetricKind, &'static str)> {
         (
             Box::new(recipe::plain_kernel()),
             MetricKind::Learned,
-            "the landmark kernel without exchanged pairs: what the ablation retrains",
+            "a landmark kernel, its parameters chosen on inner folds: what the ablation retrains",
         ),
         (Box::new(ElasticNet::mixed()), MetricKind::Baseline, "linear and sparse, same descriptors"),
         (

@@ -62,6 +62,8 @@ pub struct BenchmarkOptions {
     pub seed: u64,
     /// Distances that were computed elsewhere, which are judged as well.
     pub scores: Option<ExternalScores>,
+    /// Whether the metric with one part changed is judged as well ([`recipe::variants`]): minutes for what each part is worth.
+    pub variants: bool,
 }
 
 impl Default for BenchmarkOptions {
@@ -74,6 +76,7 @@ impl Default for BenchmarkOptions {
             resamples: RESAMPLES,
             seed: 1,
             scores: None,
+            variants: false,
         }
     }
 }
@@ -292,7 +295,7 @@ impl Measurement {
         let external = options.scores.as_ref();
         let mut metric_versions = metric_versions(&metrics);
         metric_versions.extend(external.iter().flat_map(|scores| scores.versions()));
-        let info = RunInfo { command, versions, metric_versions, external };
+        let info = RunInfo { command, versions, metric_versions, external, variants: options.variants };
         let bench =
             measure(study, samples, triplets.as_ref().ok(), &plan, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
@@ -500,6 +503,9 @@ fn command_line(purpose: Purpose, source: &str, study: &Study, options: &Benchma
         if value != default {
             line += &format!(" --{flag} {value}");
         }
+    }
+    if options.variants {
+        line += " --variants";
     }
     line.extend(options.scores.as_ref().map(ExternalScores::arguments));
     if options.descriptors != DescriptorOptions::default() {

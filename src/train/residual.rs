@@ -89,7 +89,8 @@ impl Trainer for ResidualKernel {
         };
         let rest: Vec<f64> = doubled.mos().iter().zip(predicted).map(|(mos, p)| mos - p).collect();
         let data = Standardized::fit_smooth(&self.name, &doubled, &self.keep)?;
-        let (low_rank, landmarks, coefficients) = self.fit(&doubled, &data, &rest, mean.as_ref(), seed)?;
+        let rated = set.rows().len();
+        let (low_rank, landmarks, coefficients) = self.fit((&doubled, rated), &data, &rest, mean.as_ref(), seed)?;
         let term = Term {
             weight: 1.0,
             function: Function::Kernel {
@@ -160,10 +161,11 @@ impl ResidualKernel {
         }
     }
 
-    /// The factor, the standardised landmarks (landmarks x features) and the coefficients of the factor's columns.
+    /// The factor, the standardised landmarks (landmarks x features) and the coefficients of the factor's columns. The first `rated` rows
+    /// of the set are pairs as they were rated, the others exchanged.
     fn fit(
         &self,
-        set: &TrainingSet,
+        (set, rated): (&TrainingSet, usize),
         data: &Standardized,
         rest: &[f64],
         mean: Option<&Regressor>,
@@ -184,7 +186,8 @@ impl ResidualKernel {
             }
         };
         let k = Distances::new(&z, &z0).centred(&self.kernel);
-        let mut stages = vec![(0..rows, self.landmarks)];
+        // Pairs as they were rated: exchanged ones count little, and a landmark is better spent.
+        let mut stages = vec![(0..rated, self.landmarks)];
         stages.extend(self.triplets.as_ref().map(|task| (rows..z.nrows(), task.landmarks)));
         let mut rng = seed::stream(seed, "residual-landmarks", 0);
         let low_rank = LowRank::in_stages(k.view(), &stages, TOLERANCE, &mut rng);

@@ -94,7 +94,7 @@ fn a_metric_that_turns_back_is_found_out_and_one_that_grows_is_not() {
             assert_eq!((swept.down.is_some(), swept.up.is_some()), (at > 0, at + 1 < sweep.values.len()));
         }
     }
-    let of = |parameter: &str| record.sweeps.iter().filter(move |sweep| sweep.parameter == parameter);
+    let of = |parameter: &'static str| record.sweeps.iter().filter(move |sweep| sweep.parameter == parameter);
     for sweep in of("albedo").chain(of("f0")) {
         assert_eq!(sweep.of_metric[0].rated_fall(), 0.0);
         // Far from black the logarithm rises without end: what folds at 0.2 falls.

@@ -12,11 +12,11 @@ use vernis::evaluation::agreement::Figure;
 use vernis::evaluation::benchmark::{Judged, JudgedMetric, Jury, prediction_records, residuals_by_material};
 use vernis::evaluation::bootstrap::Interval;
 use vernis::evaluation::calibration::Calibration;
-use vernis::evaluation::triplets::TripletAgreement;
 use vernis::evaluation::cross_validation::{cross_validate_distance, in_sample};
 use vernis::evaluation::records::{
     BenchmarkRecord, CurvePoint, CurveRecord, ImportanceRecord, LearningPoint, MetricKind, RowSet, Split,
 };
+use vernis::evaluation::triplets::TripletAgreement;
 use vernis::math::seed;
 use vernis::report::page::materials::{Candidate, Material};
 use vernis::report::{OutputFolder, ReportError, write_benchmark};

@@ -85,7 +85,7 @@ pub(crate) fn record_of_the_embedded_study() -> BenchmarkRecord {
 }
 
 fn row_sets() -> Vec<NamedRows> {
-    vec![NamedRows { name: "far <candidates>".into(), methods: vec!["SGD".into(), "ABC".into()] }]
+    vec![NamedRows { name: "far <candidates>".into(), methods: ["ABC", "SGD", "WARD"].map(str::to_owned).to_vec() }]
 }
 
 fn make_record() -> BenchmarkRecord {
@@ -253,7 +253,7 @@ fn sets_of_rows_have_tables_of_their_own() {
     let dir = tempfile::tempdir().unwrap();
     let folder = report(dir.path(), &record);
     assert!(read(&folder, "report.html").contains("far &lt;candidates&gt; ("));
-    assert!(read(&folder, "report.md").contains("* rows of far &lt;candidates>: `SGD, ABC`"));
+    assert!(read(&folder, "report.md").contains("* rows of far &lt;candidates>: `ABC, SGD, WARD`"));
     assert!(read(&folder, "ablation.csv").contains(",unseen-material-and-method,far <candidates>,"));
     let plain = BenchmarkRecord { row_sets: Vec::new(), ..record };
     assert_eq!(tables::headlines(&plain).len(), 1);

@@ -2,6 +2,7 @@
 
 use crate::data_folder;
 use rand::Rng;
+use rayon::prelude::*;
 use std::sync::Arc;
 use vernis_metric::brdf::models::{BlinnPhong, Ggx, Lambert, Ward, WardForm};
 use vernis_metric::brdf::{Brdf, BrdfSource, Grid, TabulatedBrdf};
@@ -14,7 +15,7 @@ fn metric(name: &str) -> Arc<dyn Metric> {
 }
 
 /// A change of a BRDF that varies slowly over the directions: in each channel a sum of waves in the coordinates of both directions.
-struct Waves([[(f64, Vec3, Vec3, f64); 4]; 3]);
+struct Waves([[(f64, Vec3, Vec3, f64); 2]; 3]);
 
 impl Waves {
     fn new(seed: u64) -> Self {
@@ -25,7 +26,7 @@ impl Waves {
             let (i, o) = (vector(), vector());
             (number(1.0), i, o, number(3.0))
         };
-        Self([(); 3].map(|()| [(); 4].map(|()| wave())))
+        Self([(); 3].map(|()| [(); 2].map(|()| wave())))
     }
 
     fn at(&self, wi: Vec3, wo: Vec3) -> Rgb {
@@ -41,7 +42,7 @@ impl Waves {
             let waves = self.at(wi, wo);
             [0, 1, 2].map(|c| value[c] * waves[c])
         };
-        values.iter().enumerate().map(change).collect()
+        values.par_iter().enumerate().map(change).collect()
     }
 }
 
@@ -99,10 +100,21 @@ fn assert_follows(
 
 #[test]
 fn metrics_on_graphs_follow_differences() {
-    // The pairs of models as they are, and exchanged.
-    for name in ["ot", "energy", "ot[grid=9x9x36,p=1]", "mmd-gaussian[grid=20x20x60]", "mmd-laplacian[grid=20x20x60]"] {
+    // As they are, and exchanged: each side reaches further out than the other in some of them.
+    let all = pairs();
+    let full: &[usize] = &[0, 3];
+    let small: &[usize] = &[0, 1, 2, 3];
+    for (name, chosen) in [
+        ("ot", full),
+        ("energy", full),
+        ("ot[grid=9x9x36]", small),
+        ("ot[grid=5x5x16,p=1]", small),
+        ("mmd-gaussian[grid=18x18x40]", small),
+        ("mmd-laplacian[grid=18x18x40]", small),
+    ] {
         let metric = metric(name);
-        for (k, (a, b)) in pairs().iter().enumerate() {
+        for &k in chosen {
+            let (a, b) = &all[k];
             for (a, b, order) in [(a, b, "there"), (b, a, "back")] {
                 let prepared = metric.prepare(&**a).unwrap();
                 assert_follows(&*prepared, &**b, (4, 1e-5, 1e-3), &format!("{name} {k} {order}"));
@@ -118,7 +130,7 @@ fn lp_metrics_follow_differences() {
     let brighter = Ggx::new([0.25, 0.12, 0.06], [0.05, 0.06, 0.08], 0.3).unwrap();
     for name in ["D1", "D2.Cl", "D3.Cl", "D4.Cl.CR", "D5.Cl.CR", "D7.Cl.CR", "D8.Cl", "D9.CR"] {
         let prepared = metric(name).prepare(&reference).unwrap();
-        assert_follows(&*prepared, &brighter, (3, 1e-6, 1e-4), name);
+        assert_follows(&*prepared, &brighter, (2, 1e-6, 1e-4), name);
     }
     let (ward, candidate) = pairs().swap_remove(0);
     let prepared = metric("D9.Cl").prepare(&*ward).unwrap();
@@ -138,9 +150,8 @@ fn gradients_of_published_fits_follow_differences() {
         ("low_lowmicrofacet_E2.fit", "red-fabric"),
     ] {
         let (reference, candidate) = (open(&format!("merl_nbrdf.zip:{material}")), open(&format!("{file}:{material}")));
-        for (name, tolerance) in [("ot", 1e-3), ("energy", 1e-3), ("D4.Cl.CR", 1e-4), ("D9.Cl", 1e-4)] {
+        for (name, count, tolerance) in [("ot", 8, 1e-3), ("energy", 2, 1e-3), ("D4.Cl.CR", 2, 1e-4)] {
             let prepared = metric(name).prepare(&*reference).unwrap();
-            let count = if tolerance < 1e-3 { 3 } else { 20 };
             assert_follows(&*prepared, &*candidate, (count, 1e-5, tolerance), &format!("{name} {file} {material}"));
         }
     }
@@ -199,7 +210,7 @@ fn gradients_of_black_are_finite() {
 fn missing_cells_of_the_reference_have_no_slope() {
     let grid = Grid::TITOPO;
     let full = TabulatedBrdf::tabulate(&*pairs()[0].0, grid).unwrap();
-    let lacks = |cell: usize| cell / 360 % 7 == 3 && cell % 360 < 300;
+    let lacks = |cell: usize| cell / 360 % 90 / 8 == 3 && cell % 360 < 300;
     let valid = (0..grid.len()).map(|cell| !lacks(cell)).collect();
     let holed = TabulatedBrdf::new(grid, full.values().to_vec(), valid).unwrap();
     let candidate = &pairs()[0].1;

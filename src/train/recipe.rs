@@ -170,6 +170,7 @@ pub fn metric() -> ResidualKernel {
         ridge: RIDGE,
         tau: TAU,
         landmarks: LANDMARKS,
+        exchanged_landmarks: true,
         exchanged: EXCHANGED_WEIGHT,
         triplets: None,
     }

@@ -67,6 +67,8 @@ pub struct ResidualKernel {
     pub tau: f64,
     /// Landmarks among the rows.
     pub landmarks: usize,
+    /// Whether pairs with reference and candidate exchanged may be landmarks.
+    pub exchanged_landmarks: bool,
     /// Weight of a pair with reference and candidate exchanged, against its original.
     pub exchanged: f64,
     /// Triplets of the kernel model; none by default.
@@ -89,7 +91,8 @@ impl Trainer for ResidualKernel {
         };
         let rest: Vec<f64> = doubled.mos().iter().zip(predicted).map(|(mos, p)| mos - p).collect();
         let data = Standardized::fit_smooth(&self.name, &doubled, &self.keep)?;
-        let (low_rank, landmarks, coefficients) = self.fit(&doubled, &data, &rest, mean.as_ref(), seed)?;
+        let (low_rank, landmarks, coefficients) =
+            self.fit(&doubled, set.rows().len(), &data, &rest, mean.as_ref(), seed)?;
         let term = Term {
             weight: 1.0,
             function: Function::Kernel {
@@ -164,6 +167,7 @@ impl ResidualKernel {
     fn fit(
         &self,
         set: &TrainingSet,
+        originals: usize,
         data: &Standardized,
         rest: &[f64],
         mean: Option<&Regressor>,
@@ -184,7 +188,7 @@ impl ResidualKernel {
             }
         };
         let k = Distances::new(&z, &z0).centred(&self.kernel);
-        let mut stages = vec![(0..rows, self.landmarks)];
+        let mut stages = vec![(0..if self.exchanged_landmarks { rows } else { originals }, self.landmarks)];
         stages.extend(self.triplets.as_ref().map(|task| (rows..z.nrows(), task.landmarks)));
         let mut rng = seed::stream(seed, "residual-landmarks", 0);
         let low_rank = LowRank::in_stages(k.view(), &stages, TOLERANCE, &mut rng);
@@ -333,6 +337,7 @@ mod tests {
             ridge: 0.1,
             tau: 0.3,
             landmarks: 1000,
+            exchanged_landmarks: true,
             exchanged: 0.15,
             triplets: None,
         }

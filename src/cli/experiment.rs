@@ -2,6 +2,7 @@
 
 use super::claims::{self, NoiseArgs, TripletsArgs};
 use super::landscape::{self, LandscapeArgs};
+use super::optimizers::{self, OptimizersArgs};
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
@@ -37,6 +38,8 @@ enum Question {
     Triplets(TripletsArgs),
     /// How do metrics follow one parameter of a material?
     Landscape(LandscapeArgs),
+    /// What does a gradient spare in a fit?
+    Optimizers(OptimizersArgs),
 }
 
 /// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
@@ -94,6 +97,7 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
         Question::Noise(args) => claims::noise(shared, &args),
         Question::Triplets(args) => claims::triplets(shared, &args),
         Question::Landscape(args) => landscape::run(shared, &args),
+        Question::Optimizers(args) => optimizers::run(shared, &args),
     }
 }
 

@@ -32,7 +32,7 @@ The file is written in every case, with the best so far.
 Examples:
   vernis fit alum-bronze.binary --model ggx --metric D4.Cl --out ggx.json
   vernis fit merl_nbrdf.zip:teflon --model ward-duer --metric D9.Cl --optimizer lbfgs --starts 4 --out ward.json
-  vernis fit merl_nbrdf.zip:teflon --model ggx --metric vernis --out learned.json
+  vernis fit merl_nbrdf.zip:teflon --model ggx --out learned.json    # under vernis-loss, the metric to fit with
   vernis fit merl_nbrdf.zip:teflon --model ggx+blinn-phong --metric ot --start ggx+blinn-phong.json --out ot.json
   vernis compare merl_nbrdf.zip:teflon learned.json")]
 pub struct FitArgs {
@@ -43,17 +43,19 @@ pub struct FitArgs {
     #[arg(long)]
     model: String,
     /// The loss: a metric by name, or the path of an exported metric.
-    #[arg(long, short = 'm', short_alias = 'l', value_name = "NAME|FILE", default_value = "D4.Cl")]
+    #[arg(long, short = 'm', short_alias = 'l', value_name = "NAME|FILE", default_value = "vernis-loss")]
     metric: String,
     #[command(flatten)]
     view: View,
     /// staged, log (fits under D9.Cl, then moves gradually to a learned metric), log-at-once (moves at once), or a file of
-    /// parameters [default: log for learned metrics, else staged].
+    /// parameters [default: log for learned metrics whose landscape has hollows, such as
+    /// vernis, else staged].
     #[arg(long, value_name = "staged|log|log-at-once|FILE.json")]
     start: Option<String>,
-    /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients.
-    #[arg(long, value_name = "NAME", default_value = "hooke-jeeves")]
-    optimizer: String,
+    /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients [default: lbfgs for learned metrics where the model
+    /// has a gradient, else hooke-jeeves].
+    #[arg(long, value_name = "NAME")]
+    optimizer: Option<String>,
     #[command(flatten)]
     cells: Cells,
     /// Number of starts to search from, 1 to 1000; the best result is kept. Starts beyond those that the reference suggests are random.
@@ -92,16 +94,16 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
     let bar = Bar::new();
     let signals = Signals::caught(&bar)?;
     let start = args.start.as_deref().map(|s| start(s, &args.model)).transpose()?;
+    let default = Fitting::new(&args.model, &*metric);
     let fitting = Fitting {
-        model: &args.model,
-        metric: &*metric,
         start,
-        method: args.optimizer.parse().map_err(user_error)?,
+        method: args.optimizer.as_deref().map_or(Ok(default.method), |name| name.parse().map_err(user_error))?,
         starts: args.starts,
         seed: args.seed,
         coarsening,
         max_evaluations: args.max_evaluations,
         interrupt: signals.interrupt(),
+        ..default
     };
     let (folder, name) = output(shared, &args)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;

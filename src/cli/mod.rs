@@ -20,6 +20,8 @@ mod landscape;
 mod limits;
 mod manifold;
 mod metrics;
+#[cfg(feature = "train")]
+mod optimizers;
 mod output;
 mod plausible;
 mod progress;

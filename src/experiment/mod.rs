@@ -1,5 +1,6 @@
 //! One file a question: the training job, the benchmark of a study, the sweep of transport's parameters, which loss a fit should
-//! have, a study's candidates made anew, which candidates explain the ratings, and how metrics follow one parameter of a material.
+//! have, a study's candidates made anew, which candidates explain the ratings, how
+//! metrics follow one parameter of a material, and what a gradient spares in a fit.
 //!
 //! Everything here is callable from a program of one's own: plain options in, a callback for progress, a typed result out.
 //! Nothing prints, and nothing knows of a terminal.
@@ -10,6 +11,7 @@ mod contenders;
 pub mod external;
 pub mod landscape;
 pub mod losses;
+pub mod optimizers;
 #[cfg(feature = "train")]
 pub mod plan;
 #[cfg(feature = "train")]

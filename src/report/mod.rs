@@ -5,6 +5,7 @@ pub mod figures;
 pub mod landscape;
 pub mod losses;
 pub mod markdown;
+pub mod optimizers;
 pub mod output;
 pub mod page;
 pub mod pictures;

@@ -73,9 +73,14 @@ impl Loss {
         self.is_learned() || self == Self::Transport
     }
 
-    /// The study's method, but for transport: there a gradient spares nine tenths of the evaluations, which are dear.
-    fn method(self) -> Method {
-        if self == Self::Transport { Method::Lbfgs } else { Method::HookeJeeves }
+    /// The study's method; L-BFGS for transport, where a gradient spares nine tenths of the evaluations, which are dear; `of_learned` for
+    /// learned metrics.
+    fn method(self, of_learned: Method) -> Method {
+        match self {
+            Self::Transport => Method::Lbfgs,
+            Self::Learned | Self::Blended => of_learned,
+            Self::Square | Self::Logarithm | Self::CubeRoot => Method::HookeJeeves,
+        }
     }
 
     fn start(self) -> Option<Start> {

@@ -23,7 +23,7 @@ use vernis_metric::metric::registry::Registry;
 use vernis_metric::metric::{Metric, MetricError, PreparedMetric, Side};
 
 /// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Far more than a fit takes.
 const MOST_BYTES: u64 = 64 << 20;
 /// Lp distances that judge.
@@ -298,13 +298,14 @@ impl Job<'_> {
             Loss::Transport => self.graphs[0].clone(),
             lp => self.registry.get(lp.name()).map_err(|source| self.failed(source))?,
         };
+        let default = Fitting::new(model, &*metric);
         let fitting = Fitting {
             start: loss.start(),
             coarsening: settings.coarsening,
             max_evaluations: loss.is_dear().then_some(settings.max_evaluations),
-            method: loss.method(),
+            method: loss.method(default.method),
             seed: settings.seed,
-            ..Fitting::new(model, &*metric)
+            ..default
         };
         let fitted = fitting.run(&*reference.brdf, &|_, _| ()).map_err(|source| ExperimentError::Fit {
             material: self.material.to_owned(),

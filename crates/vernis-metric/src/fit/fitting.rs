@@ -20,6 +20,7 @@ use crate::brdf::Brdf;
 use crate::brdf::models::AnalyticBrdf;
 use crate::io::{Interrupt, Observer, Progress};
 use crate::math::seed;
+use crate::metric::learned::FAMILY;
 use crate::metric::lp::{Formula, LpMetric, LpVariant};
 use crate::metric::{Metric, MetricError};
 use rand::Rng;
@@ -73,7 +74,8 @@ pub struct Fitting<'a> {
     pub metric: &'a dyn Metric,
     /// `None`: at a log fit for learned metrics, staged for others.
     pub start: Option<Start>,
-    /// How each start is searched.
+    /// How each start is searched; [`Fitting::new`] takes L-BFGS for learned metrics with a gradient, where the model has one too, and
+    /// the study's Hooke-Jeeves for all others.
     pub method: Method,
     /// How many starts are searched from; the best result counts.
     pub starts: usize,
@@ -95,6 +97,8 @@ pub struct Fitted {
     pub value_at_start: f64,
     /// The metric's distance at the end.
     pub value: f64,
+    /// What the search minimised, at the end: for learned metrics it may be negative.
+    pub loss: f64,
     /// How the search that won ended.
     pub stop: StopReason,
     /// Name of the search method, such as `lbfgs`.
@@ -103,6 +107,8 @@ pub struct Fitted {
     pub start: &'static str,
     /// Of all searches and starts; those of the polish apart.
     pub evaluations: usize,
+    /// Those of the searches alone, under the loss of the search.
+    pub search_evaluations: usize,
     /// Evaluations of the polish under the metric itself.
     pub polish_evaluations: usize,
     /// Improvements of the search that won, under the loss of the search.
@@ -121,7 +127,7 @@ pub(super) struct Starts {
 impl<'a> Fitting<'a> {
     /// As the command line has it where nothing else is said.
     pub fn new(model: &'a str, metric: &'a dyn Metric) -> Self {
-        let (start, method, interrupt) = (None, Method::HookeJeeves, Interrupt::new());
+        let (start, method, interrupt) = (None, default_method(model, metric), Interrupt::new());
         Self { model, metric, start, method, starts: 1, seed: 1, coarsening: 3, max_evaluations: None, interrupt }
     }
 
@@ -185,10 +191,12 @@ impl<'a> Fitting<'a> {
             // A learned loss may be negative; its distance is not.
             value_at_start: at_start.max(0.0),
             value: value.max(0.0),
+            loss: value,
             stop,
             method: self.method.name(),
             start: self.start_or_default().name(),
             evaluations: evaluations.into_inner() + spent,
+            search_evaluations: spent,
             polish_evaluations,
             history: outcome.history,
             at_bounds: space.at_bounds(&parameters),
@@ -289,6 +297,20 @@ impl<'a> Fitting<'a> {
             starts.push(Candidate { parameters: space.parameters(&u), value: f64::INFINITY });
         }
         Ok(Starts { candidates: starts, log })
+    }
+}
+
+/// An evaluation of a learned metric is dear, and its gradient tells more than a parameter's worth of them.
+fn default_method(model: &str, metric: &dyn Metric) -> Method {
+    let properties = metric.properties();
+    let has_gradient = || {
+        let built = Space::of(model).and_then(|space| space.build(&space.start()));
+        built.is_ok_and(|model| model.as_differentiable().is_some())
+    };
+    if properties.family == FAMILY && properties.differentiable && has_gradient() {
+        Method::Lbfgs
+    } else {
+        Method::HookeJeeves
     }
 }
 

@@ -5,8 +5,8 @@
 //!
 //!   blend_t = (1 - t) s log + t learned,   s = learned/log at the start, so that both count the same.
 
-use super::Loss;
-use crate::brdf::models::AnalyticBrdf;
+use super::{DifferentiableLoss, Loss};
+use crate::brdf::models::{AnalyticBrdf, DifferentiableBrdf};
 use crate::metric::MetricError;
 
 /// (1 - t) s a + t b.
@@ -32,5 +32,27 @@ impl Loss for Blend<'_> {
 
     fn refusal(&self, candidate: &dyn AnalyticBrdf) -> Option<MetricError> {
         self.b.refusal(candidate)
+    }
+
+    fn as_differentiable(&self) -> Option<&dyn DifferentiableLoss> {
+        let both = self.a.as_differentiable().is_some() && self.b.as_differentiable().is_some();
+        both.then_some(self)
+    }
+}
+
+impl DifferentiableLoss for Blend<'_> {
+    fn gradient(&self, candidate: &dyn DifferentiableBrdf) -> Result<(f64, Vec<f64>), MetricError> {
+        let of = |loss: &dyn Loss| match loss.as_differentiable() {
+            Some(loss) => loss.gradient(candidate),
+            None => Err(MetricError::NoGradient { metric: loss.name().to_owned() }),
+        };
+        let ((a, by_a), (b, by_b)) = (of(self.a)?, of(self.b)?);
+        let share = (1.0 - self.t) * self.scale;
+        let gradient = by_a.iter().zip(&by_b).map(|(a, b)| share * a + self.t * b).collect();
+        Ok((share * a + self.t * b, gradient))
+    }
+
+    fn smooth_power(&self) -> f64 {
+        1.0
     }
 }

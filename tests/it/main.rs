@@ -19,6 +19,7 @@ mod losses;
 mod old_files;
 mod output;
 #[cfg(feature = "train")]
+mod optimizers;
 mod plan;
 mod readme;
 mod report;

@@ -7,8 +7,11 @@ use super::{Shared, limits, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
+use vernis::dataset::Study;
 use vernis::dataset::triplets::Triplets;
+use vernis::evaluation::bootstrap::Difference;
 use vernis::experiment::triplets::{Share, TripletOptions, TripletRecord, triplets as agreement};
+use vernis::experiment::versions::{VersionsOptions, VersionsRecord, versions as compare_versions};
 use vernis::panel::noise::{Bound, NoiseBound, NoiseOptions, bound};
 use vernis_metric::brdf::BrdfSource;
 use vernis_metric::math::quantile::Interval;
@@ -65,6 +68,31 @@ pub struct TripletsArgs {
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
     resamples: usize,
     /// Seed of the resamples.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
+    seed: u64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Compare the recipe of this version of the metric with that of version 1, on the rows that version 1 knew.
+#[derive(Args)]
+#[command(after_help = "\
+Prints Markdown. Takes about five minutes on two cores once descriptors are cached.
+
+Example:
+  vernis experiment versions --data ~/brdf-data")]
+pub struct VersionsArgs {
+    /// A study by name, or a CSV file.
+    #[arg(long, default_value = "lavoue2021-open")]
+    study: String,
+    /// Cross-validation folds, by material.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
+    folds: usize,
+    /// Bootstrap resamples of materials, 40 to 20000.
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
+    resamples: usize,
+    /// Seed of folds, training and resamples.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
     seed: u64,
     /// Print JSON.
@@ -142,6 +170,51 @@ pub fn triplets(shared: &Shared, args: &TripletsArgs) -> Result<()> {
     let (record, warnings) = found.map_err(workspace::experiment_error)?;
     workspace::warn(&warnings);
     print(if args.json { serde_json::to_string_pretty(&record)? + "\n" } else { triplets_text(&record) })
+}
+
+pub fn versions(shared: &Shared, args: &VersionsArgs) -> Result<()> {
+    let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;
+    let options = VersionsOptions {
+        data: shared.data.clone(),
+        cache: workspace::cache(shared)?,
+        folds: args.folds,
+        resamples: args.resamples,
+        seed: args.seed,
+    };
+    let bar = Bar::new();
+    let found = compare_versions(&study, &options, &|stage, progress| bar.update(stage, progress));
+    bar.finish();
+    let record = found.map_err(workspace::experiment_error)?;
+    print(if args.json { serde_json::to_string_pretty(&record)? + "\n" } else { versions_text(&record) })
+}
+
+fn versions_text(record: &VersionsRecord) -> String {
+    let triplets = if record.triplets { "and judged triplets" } else { "and no triplets" };
+    let mut text = format!(
+        "{} rows of {} ({}). Version 1 learns from these rows alone, version 2 from {} rows {triplets}; all out of fold, {} folds, {} \
+         resamples of materials, seed {}.\n\n| recipe | not seen | PLCC | SROCC | PLCC minus version 1 | SROCC minus version 1 |\n\
+         | :--- | :--- | ---: | ---: | ---: | ---: |\n",
+        record.rows, record.study, record.rows_are, record.all_rows, record.folds, record.resamples, record.seed
+    );
+    for found in &record.agreement {
+        let figure = |(value, range): (f64, Interval)| format!("{value:.3} {}", interval(range));
+        let difference = |k: usize| {
+            let of = |all: &[Difference; 2]| {
+                format!("{:+.3} [{:+.3}, {:+.3}]", all[k].difference, all[k].interval.low, all[k].interval.high)
+            };
+            found.differences.as_ref().map_or("-".to_owned(), of)
+        };
+        text += &format!(
+            "| {} | {} | {} | {} | {} | {} |\n",
+            found.recipe,
+            found.split.label(),
+            figure(found.plcc),
+            figure(found.srocc),
+            difference(0),
+            difference(1)
+        );
+    }
+    text
 }
 
 fn triplets_text(record: &TripletRecord) -> String {

@@ -1,6 +1,6 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
-use super::claims::{self, NoiseArgs, TripletsArgs};
+use super::claims::{self, NoiseArgs, TripletsArgs, VersionsArgs};
 use super::landscape::{self, LandscapeArgs};
 use super::optimizers::{self, OptimizersArgs};
 use super::output::{self, Inputs, Replace};
@@ -38,6 +38,8 @@ enum Question {
     Triplets(TripletsArgs),
     /// How do metrics follow one parameter of a material?
     Landscape(LandscapeArgs),
+    /// What does this version of the metric gain over version 1?
+    Versions(VersionsArgs),
     /// What does a gradient spare in a fit?
     Optimizers(OptimizersArgs),
 }
@@ -97,6 +99,7 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
         Question::Noise(args) => claims::noise(shared, &args),
         Question::Triplets(args) => claims::triplets(shared, &args),
         Question::Landscape(args) => landscape::run(shared, &args),
+        Question::Versions(args) => claims::versions(shared, &args),
         Question::Optimizers(args) => optimizers::run(shared, &args),
     }
 }

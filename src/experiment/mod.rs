@@ -1,6 +1,7 @@
 //! One file a question: the training job, the benchmark of a study, the sweep of transport's parameters, which loss a fit should
 //! have, a study's candidates made anew, which candidates explain the ratings, how
-//! metrics follow one parameter of a material, and what a gradient spares in a fit.
+//! metrics follow one parameter of a material, what a gradient spares in a fit, and what a version of the
+//! metric gains over the one before.
 //!
 //! Everything here is callable from a program of one's own: plain options in, a callback for progress, a typed result out.
 //! Nothing prints, and nothing knows of a terminal.
@@ -23,6 +24,8 @@ pub mod train;
 #[cfg(feature = "train")]
 pub mod trials;
 pub mod triplets;
+#[cfg(feature = "train")]
+pub mod versions;
 
 #[cfg(feature = "train")]
 pub use train::{BenchmarkOptions, Measurement, Purpose, TrainOptions, Trained, benchmark, train};

@@ -402,7 +402,7 @@ impl Measurement {
 }
 
 /// The descriptors of the pairs of judged triplets, computed where the cache lacks them.
-fn triplet_samples(
+pub(super) fn triplet_samples(
     study: &StudyTriplets,
     setup: &Setup,
     base: Option<&Path>,

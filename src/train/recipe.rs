@@ -5,6 +5,7 @@
 //! Kernel ridge regression on all rows agrees as well, but stores as many weights as there are ratings, so that the ratings
 //! could be solved for; few landmarks cannot give them back. What each part is worth is in the benchmark.
 
+use super::ensemble::Average;
 use super::kernel::KernelRidge;
 use super::neural::{NeuralNetwork, SaturatedDistance};
 use super::residual::{ResidualKernel, TripletTask};
@@ -144,6 +145,13 @@ const EPOCHS: usize = 75;
 /// The landmark kernel of version 1, without exchanged pairs; kernel and ridge are chosen on inner folds. Trains in a tenth of a second.
 pub fn plain_kernel() -> KernelRidge {
     KernelRidge::nystroem(FIRST_LANDMARKS)
+}
+
+/// The recipe of version 1, which learns from descriptors of version 1: the mean of a landmark kernel and of networks.
+pub fn first() -> Average {
+    let kernel = KernelRidge::nystroem(FIRST_LANDMARKS);
+    let kernel = Exchanged { name: "landmark-kernel".to_owned(), trainer: kernel, weight: EXCHANGED_WEIGHT };
+    Average { name: "vernis-1".to_owned(), trainers: vec![Box::new(kernel), Box::new(network())] }
 }
 
 /// The networks of version 1, which the metric no longer takes part of.

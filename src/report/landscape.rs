@@ -25,7 +25,8 @@ A fit minimises a loss: for metrics learned from ratings the signed distance wit
 through the reference in fine steps; the last one leads, straight in the coordinates of a search, from the start of `ggx` to its fit under \
 D4.Cl.CR, to a surface with a second lobe that the model lacks. Each loss is divided by its own value at the end of the line. *hollow* is the \
 deepest dip beside the lowest point: a search that only descends stops there. *bend* is the largest change of slope between two neighbouring \
-segments, with the length of the line as 1: large at kinks and steps. The corner of a distance at its lowest point does not count.";
+segments, with the length of the line as 1: large at kinks and steps. The corner of a distance at its lowest point does not count. Last, the value at which a loss is lowest, where that is neither \
+the reference nor the fit.";
 
 const PAIRS: &str = "\
 Pairs whose difference everybody can name. Mirrors of these three roughnesses look the same under all but the smallest lights.";
@@ -120,7 +121,8 @@ fn columns(first: &[&str], record: &LandscapeRecord) -> Vec<String> {
 }
 
 fn falls(record: &LandscapeRecord) -> Table {
-    let columns = columns(&["material, parameter", "direction", "rated range"], record);
+    let columns =
+        columns(&["material, parameter", "direction", "from the reference to the end of the ratings"], record);
     let title = "Largest fall of the distance on the way out, in the unit of each metric".to_owned();
     let mut table = Table { title, columns, rows: Vec::new() };
     for sweep in &record.sweeps {
@@ -155,13 +157,17 @@ fn number(x: f64) -> String {
 
 fn landscapes(record: &LandscapeRecord) -> Table {
     let columns = columns(&["material, line"], record);
-    let title = "Deepest hollow, as a share of the loss at the end of the line; largest bend".to_owned();
-    let cell = |course: &Course| match (course.hollow, course.bend) {
-        (Some(hollow), Some(bend)) => format!("{hollow:.3}; {bend:.1}"),
-        _ => "no loss at the end".to_owned(),
+    let title = "Deepest hollow, as a share of the loss at the end of the line; largest bend; where the loss is lowest, if elsewhere".to_owned();
+    let cell = |line: &Line, course: &Course| {
+        let (Some(hollow), Some(bend)) = (course.hollow, course.bend) else { return "no loss at the end".to_owned() };
+        let elsewhere = course.lowest_at != line.values[line.reference];
+        let lowest = if elsewhere { format!("; lowest at {}", number(course.lowest_at)) } else { String::new() };
+        format!("{hollow:.3}; {bend:.1}{lowest}")
     };
     let row = |line: &Line| {
-        std::iter::once(format!("{}, {}", line.material, line.name)).chain(line.of_metric.iter().map(cell)).collect()
+        std::iter::once(format!("{}, {}", line.material, line.name))
+            .chain(line.of_metric.iter().map(|c| cell(line, c)))
+            .collect()
     };
     Table { title, columns, rows: record.lines.iter().map(row).collect() }
 }

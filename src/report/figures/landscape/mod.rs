@@ -34,8 +34,7 @@ pub fn sweeps(record: &LandscapeRecord) -> Result<Figure, ReportError> {
         record.sweeps.iter().map(|sweep| of_sweep(sweep, &record.metrics)).collect(),
         rows(record.sweeps.len(), record),
     );
-    let axis = if record.metrics.iter().any(MetricNote::is_in_mos) { "distance, MOS" } else { "distance, scaled" };
-    let title = format!("Distances on the way out from a material ({axis})");
+    let title = format!("Distances on the way out from a material ({})", axis(&record.metrics));
     picture("sweeps", caption, title, panels, Style::Marks, record)
 }
 
@@ -152,6 +151,11 @@ fn on_one_axis(metrics: &[MetricNote], values: &[&[f64]]) -> Vec<Vec<f64>> {
         values.iter().map(|value| factor * value).collect()
     };
     metrics.iter().zip(values).map(scaled).collect()
+}
+
+/// What an axis of [`on_one_axis`] says.
+fn axis(metrics: &[MetricNote]) -> &'static str {
+    if metrics.iter().any(MetricNote::is_in_mos) { "MOS" } else { "scaled" }
 }
 
 /// Which metrics are in MOS and which are scaled, in sentences.

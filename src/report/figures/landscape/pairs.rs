@@ -3,7 +3,7 @@
 use super::super::marks::{Anchor, Canvas, Drawn, FAINT, INK, Picture};
 use super::super::{Axis, TITLE, WIDTH, figure, round_step, shown};
 use super::panel::Style;
-use super::{Legend, SMALL, on_one_axis, units};
+use super::{Legend, SMALL, axis, on_one_axis, units};
 use crate::experiment::landscape::record::{Answer, LandscapeRecord, OddPair};
 use crate::report::landscape::answer;
 use crate::report::{Figure, ReportError};
@@ -43,7 +43,7 @@ pub(super) fn figure_of(record: &LandscapeRecord) -> Result<Figure, ReportError>
         })
         .collect();
     let names = record.pairs.iter().map(|pair| pair.name.as_str()).collect();
-    figure(NAME, caption, &Rows { names, marks, legend })
+    figure(NAME, caption, &Rows { names, marks, legend, unit: axis(&record.metrics) })
 }
 
 struct Mark {
@@ -56,11 +56,13 @@ struct Rows<'a> {
     names: Vec<&'a str>,
     marks: Vec<Mark>,
     legend: Legend,
+    /// What the axis says.
+    unit: &'static str,
 }
 
 impl Picture for Rows<'_> {
     fn size(&self) -> (u32, u32) {
-        (WIDTH, (TOP + self.legend.height() + ROW * self.names.len() as f64 + 50.0) as u32)
+        (WIDTH, (TOP + self.legend.height() + ROW * self.names.len() as f64 + 66.0) as u32)
     }
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
@@ -74,6 +76,7 @@ impl Picture for Rows<'_> {
             canvas.line((x.at(tick), top), (x.at(tick), bottom), FAINT, 1.0)?;
             canvas.words(&shown(tick), (x.at(tick), bottom + 18.0), SMALL, Anchor::Middle)?;
         }
+        canvas.words(self.unit, (x.pixels.1, bottom + 40.0), SMALL, Anchor::Right)?;
         canvas.line((x.pixels.0, top), (x.pixels.0, bottom), INK, 1.0)?;
         let centre = |row: usize| top + ROW * (row as f64 + 0.5);
         for (row, name) in self.names.iter().enumerate() {

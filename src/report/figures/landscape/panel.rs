@@ -10,10 +10,13 @@ const SHADE: RGBColor = RGBColor(240, 240, 237);
 /// Outer height of a panel, and where its axes begin and end inside it.
 const HEIGHT: f64 = 186.0;
 const LEFT: f64 = 46.0;
-const RIGHT: f64 = 12.0;
+const RIGHT: f64 = 22.0;
 const UPPER: f64 = 28.0;
 const LOWER: f64 = 30.0;
 const TOP: f64 = 52.0;
+
+/// Labels of an axis whose ticks are nearer than this would touch.
+const LABEL: f64 = 40.0;
 
 /// How curves are told apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,10 +119,14 @@ impl Panel<'_> {
         for (_, tick) in y.ticks(step).enumerate().filter(|(i, _)| !sparse || i % 2 == 0) {
             canvas.words(&shown(tick), (x.pixels.0 - 8.0, y.at(tick)), SMALL, Anchor::Right)?;
         }
+        let mut labelled = f64::NEG_INFINITY;
         for tick in self.ticks() {
             let at = x.at(place(tick));
             canvas.line((at, y.pixels.0), (at, y.pixels.0 + 4.0), INK, 1.0)?;
-            canvas.words(&shown(tick), (at, y.pixels.0 + 15.0), SMALL, Anchor::Middle)?;
+            if at - labelled >= LABEL {
+                canvas.words(&shown(tick), (at, y.pixels.0 + 15.0), SMALL, Anchor::Middle)?;
+                labelled = at;
+            }
         }
         canvas.line((x.pixels.0, y.at(0.0)), (x.pixels.1, y.at(0.0)), INK, 1.0)?;
         let reference = x.at(place(self.reference));

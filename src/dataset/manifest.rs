@@ -235,6 +235,9 @@ pub struct TripletFiles {
 pub struct Candidate {
     /// Name of the method in the ratings.
     pub method: String,
+    /// The methods that a split leaves out together, where that is another family than that of the ratings' study.
+    #[serde(default)]
+    pub family: Option<String>,
     /// `{material}` stands for the name.
     pub source: String,
 }
@@ -321,6 +324,12 @@ impl Manifest {
     /// Rows that figures are given for beside those on all rows.
     pub fn row_sets(&self) -> &[NamedRows] {
         self.rebuilt.as_ref().map_or(&[], |m| &m.row_sets)
+    }
+
+    /// The methods that a split leaves out together with `method`: what the rebuilt study says, else the study of the ratings.
+    pub fn family(&self, method: &str) -> String {
+        let rebuilt = self.rebuilt.iter().flat_map(|m| &m.candidates).find(|c| c.method == method);
+        rebuilt.and_then(|c| c.family.clone()).unwrap_or_else(|| self.rated.family(method))
     }
 
     /// What the study needs beside its pinned files.
@@ -515,13 +524,14 @@ mod tests {
             ("BLINN-PHONG", "BLINN-PHONG-OURS"),
             ("LAFORTUNE", "LAFORTUNE-OURS"),
             ("CHEBYCHEV", "LEGENDRE"),
-            ("DUPUY", "GGX"),
-            ("DUPUY", "BECKMAN"),
             ("GPLVM_APPROX.1", "GPLVM_APPROX.6"),
         ] {
             assert_eq!(family(a), family(b));
         }
-        let alone = ["BAGHER", "SGD", "ABC", "WARD", "DUPUY"];
+        let open = Manifest::embedded(OPEN).unwrap();
+        assert_eq!([open.family("DUPUY"), open.family("GGX"), open.family("BECKMAN")], ["DUPUY"; 3]);
+        assert_eq!((open.family("WARD"), m.family("GGX")), ("WARD".to_owned(), "GGX".to_owned()));
+        let alone = ["BAGHER", "SGD", "ABC", "WARD", "DUPUY", "GGX", "BECKMAN"];
         assert_eq!(alone.iter().map(|a| family(a)).collect::<BTreeSet<_>>().len(), alone.len());
         assert_eq!(m.rated.methods.iter().map(|m| m.letter).collect::<BTreeSet<_>>().len(), m.rated.methods.len());
     }

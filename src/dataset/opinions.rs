@@ -176,14 +176,14 @@ mod tests {
     fn a_published_study_needs_only_its_ratings() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::create_dir(dir.path().join("lavoue2021")).unwrap();
-        let ratings = "METHOD;BRDF;DISTANCE\nSGD;pink-fabric2;0.5\nGGX;pink-fabric2;0.25\nSGD;steel;0\n";
+        let ratings = "METHOD;BRDF;DISTANCE\nSGD;pink-fabric2;0.5\nLEGENDRE;pink-fabric2;0.25\nSGD;steel;0\n";
         write(&dir, "lavoue2021/PerceptualDistances.csv", ratings);
         write(&dir, "lavoue2021/MaterialType.csv", "BRDF;Type\npink-fabric2;Dielectric\nsteel;Metal\n");
         let full = StudyOpinions::load("lavoue2021", Some(dir.path())).unwrap();
         assert_eq!(full.completeness, Completeness { found: 3, known: 1926 });
         assert_eq!((full.stimuli[0].group.as_str(), full.files.len()), ("pink-fabric", 2));
         assert!(matches!(&full.scores, Scores::Means(m) if m == &[3.0, 4.0, 5.0]));
-        // GGX is no method that small open files rebuild.
+        // LEGENDRE is no method that small open files rebuild.
         let open = StudyOpinions::load("lavoue2021-open", Some(dir.path())).unwrap();
         assert!(matches!(&open.scores, Scores::Means(m) if m == &[3.0, 5.0]));
     }

@@ -39,7 +39,7 @@ pub fn load(manifest: &Manifest, data: Option<&Path>) -> Result<Study, DatasetEr
         material: rating.material.clone(),
         group: rated.group(&rating.material),
         method: rating.method.clone(),
-        method_family: rated.family(&rating.method),
+        method_family: manifest.family(&rating.method),
         material_type: types.get(&rating.material).cloned(),
         mos: rating.mos,
         weight,

@@ -105,7 +105,7 @@ pub fn make(
     let failed = |e: std::io::Error| ExperimentError::Write { reason: format!("{}: {e}", folder.display()) };
     std::fs::create_dir_all(&folder).map_err(failed)?;
     let source = folder.join(format!("{{material}}.{}.json", trial.method)).to_string_lossy().into_owned();
-    let candidate = Candidate { method: trial.method.to_owned(), source };
+    let candidate = Candidate { method: trial.method.to_owned(), family: None, source };
     let rated = Study::load_rebuilt(&study.name, vec![candidate], options.data.as_deref())?;
     let refits = RefitOptions {
         data: options.data.clone(),

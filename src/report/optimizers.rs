@@ -4,20 +4,21 @@ use super::markdown;
 use super::tables::Table;
 use crate::experiment::optimizers::{Comparison, OptimizerRecord, SAME};
 use std::collections::BTreeSet;
+use vernis_metric::io::counted;
 
 /// The whole report; `command` makes it again.
 pub fn markdown(record: &OptimizerRecord, command: &str) -> String {
     let materials: BTreeSet<&str> = record.fits.iter().map(|fit| fit.material.as_str()).collect();
     let metrics: Vec<String> = record.metrics.iter().map(|[name, version]| format!("`{name}` {version}")).collect();
     let mut text = format!(
-        "# What does a gradient spare in a fit?\n\n{}\n\n{} references of {} were fitted under {}, each by Hooke-Jeeves, the method of the \
+        "# What does a gradient spare in a fit?\n\n{}\n\n{} of {} were fitted under {}, each by Hooke-Jeeves, the method of the \
          study, and by L-BFGS with the exact gradient, from the same start, with at most {} evaluations each. An evaluation of L-BFGS is a \
-         value with its gradient, which costs three to four values. *lower or the same*: fits whose loss by L-BFGS is at most {SAME} above \
+         value with its gradient, which costs two to three values. *lower or the same*: fits whose loss by L-BFGS is at most {SAME} above \
          that by Hooke-Jeeves. *after*: evaluations after which L-BFGS was as low as Hooke-Jeeves at its end, as a share of those of \
          Hooke-Jeeves.\n\n",
         markdown::code(command),
-        materials.len(),
-        record.study,
+        counted(materials.len(), "reference"),
+        markdown::text(&record.study),
         metrics.join(" and "),
         record.max_evaluations
     );
@@ -89,7 +90,7 @@ fn share(fit: &Comparison) -> Option<f64> {
 fn row(fit: &Comparison) -> Vec<String> {
     vec![
         fit.metric.clone(),
-        markdown::text(&fit.material),
+        fit.material.clone(),
         fit.model.clone(),
         format!("{:.4}", fit.hooke_jeeves.value),
         fit.hooke_jeeves.evaluations.to_string(),

@@ -384,7 +384,7 @@ fn an_exported_metric_of_a_newer_format_or_of_damaged_shape_is_refused() {
     };
     refused(
         &|v| v["format"] = json!(99),
-        &["m.vernis.json: format 99, written by vernis 0.1.0", "which reads up to format 1"],
+        &["m.vernis.json: format 99, written by vernis 0.1.0", "which reads up to format 2"],
     );
     refused(
         &|v| v["descriptors"]["setup"] = json!("v0"),

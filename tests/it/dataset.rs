@@ -191,7 +191,11 @@ fn ratings_of_a_folder_become_the_open_study() {
 #[test]
 fn candidates_of_a_study_can_be_replaced_where_it_is_rebuilt() {
     let one = |method: &str| {
-        vec![vernis::dataset::manifest::Candidate { method: method.into(), source: "fits/{material}.json".into() }]
+        vec![vernis::dataset::manifest::Candidate {
+            method: method.into(),
+            family: None,
+            source: "fits/{material}.json".into(),
+        }]
     };
     let load = |name: &str, method: &str| message(Study::load_rebuilt(name, one(method), None));
     assert!(load("lavoue2021", "WARD-OURS").contains("its candidates are not rebuilt"));

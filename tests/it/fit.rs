@@ -36,7 +36,18 @@ impl Place {
 fn the_file_of_a_fit_is_a_brdf_and_a_start() {
     let place = Place::new();
     let fit = |more: &[&str]| {
-        let args = ["fit", "ward.json", "--model", "blinn-phong", "--coarsening", "6", "--replace", "--out"];
+        let args = [
+            "fit",
+            "ward.json",
+            "--model",
+            "blinn-phong",
+            "--metric",
+            "D4.Cl",
+            "--coarsening",
+            "6",
+            "--replace",
+            "--out",
+        ];
         place.run(&[&args[..], more].concat())
     };
     let output = fit(&["fit.json", "--json"]);
@@ -156,7 +167,7 @@ fn options_mean_the_same_in_every_command() {
     assert_eq!((&file["metric"]["name"], &file["grid"]), (&"D9.Cl".into(), &9.into()));
     assert!(said.contains("--grid 9 is read as --coarsening 9"), "{said}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--grid", "9x9x36", "--out", "a.json"]);
-    assert!(text.contains("--grid needs a metric with a grid, and D4.Cl has none"), "{text}");
+    assert!(text.contains("--grid needs a metric with a grid, and vernis-loss has none"), "{text}");
     let text = place.mistake(&["fit", "ward.json", "--model", "ggx", "--coarsening", "0", "--out", "a.json"]);
     assert!(text.contains("'--coarsening <N>': it must be an integer from 1 to 15"), "{text}");
     for command in ["compare", "score", "fit", "refit", "manifold", "sweep", "train", "describe"] {
@@ -195,7 +206,7 @@ fn a_fit_says_which_parameters_stand_on_their_bounds() {
     let place = Place::new();
     let blue = r#"{"model":"ward-duer","kd":[0,0,0.1],"ks":[0,0,0.08],"alpha":0.18}"#;
     std::fs::write(place.0.path().join("blue.json"), blue).expect("writable");
-    let args = ["fit", "blue.json", "--model", "ward-duer", "--coarsening", "9", "--out", "fit.json"];
+    let args = ["fit", "blue.json", "--model", "ward-duer", "-m", "D4.Cl", "--coarsening", "9", "--out", "fit.json"];
     let text = String::from_utf8(place.run(&args).stdout).expect("UTF-8");
     assert!(text.contains("\non their bounds: ") && text.contains("kd.r 0 (lower)"), "{text}");
     let file = std::fs::read(place.0.path().join("fit.json")).expect("a file");
@@ -221,6 +232,8 @@ fn a_fit_to_implausible_values_is_not_converged() {
             "spoilt.titopoh",
             "--model",
             "ggx",
+            "--metric",
+            "D4.Cl",
             "--coarsening",
             "9",
             "--optimizer",
@@ -264,7 +277,18 @@ fn a_fit_that_is_interrupted_writes_its_best() {
     let place = Place::new();
     for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_vernis"));
-        command.args(["fit", "ward.json", "--model", "ggx+blinn-phong", "--coarsening", "2", "--starts", "50"]);
+        command.args([
+            "fit",
+            "ward.json",
+            "--model",
+            "ggx+blinn-phong",
+            "-m",
+            "D4.Cl",
+            "--coarsening",
+            "2",
+            "--starts",
+            "50",
+        ]);
         command.args(["--out", "fit.json", "--json"]).current_dir(place.0.path()).env_remove("VERNIS_DATA");
         let running = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
         interrupt(&running, signal);

@@ -262,7 +262,7 @@ fn implausible_tables_are_warned_of() {
     );
     let (out, said) = place.run(&["data", "convert", "dark.binary", "dark.titopoh"]);
     assert!(said.starts_with(dark) && out.contains("albedo for light at 60 deg: 1.772e-4"), "{out}{said}");
-    let fit = ["fit", "dark.binary", "--model", "lambert", "--grid", "15", "--out", "fit.json"];
+    let fit = ["fit", "dark.binary", "--model", "lambert", "-m", "D4.Cl", "--grid", "15", "--out", "fit.json"];
     let output = place.program(&fit).output().expect("the program starts");
     assert!(String::from_utf8_lossy(&output.stderr).contains(dark));
     // Black by intent is black all the same.

@@ -136,7 +136,7 @@ fn files_of_the_future_or_of_other_descriptors_are_refused() {
     });
     assert_eq!(
         newer.to_string(),
-        "m.vernis.json: format 2, written by vernis 9.9.9; this is vernis 0.1.0, which reads up to format 1: use vernis 9.9.9 \
+        "m.vernis.json: format 3, written by vernis 9.9.9; this is vernis 0.1.0, which reads up to format 2: use vernis 9.9.9 \
          or later"
     );
     let family = tampered(|v| v["descriptors"]["set"]["families"][0] = "holograms".into());
@@ -148,7 +148,7 @@ fn files_of_the_future_or_of_other_descriptors_are_refused() {
         "{setup}"
     );
     let setup = tampered(|v| v["descriptors"]["setup"] = "v99-lamps-sphere".into());
-    assert!(setup.to_string().ends_with("this program knows up to version 1: update vernis"), "{setup}");
+    assert!(setup.to_string().ends_with("this program knows up to version 2: update vernis"), "{setup}");
     let fewer = tampered(|v| v["descriptors"]["set"]["families"] = serde_json::json!(["lights"]));
     assert!(matches!(fewer, ExportedError::Columns { index: 18, .. }), "{fewer}");
     let renamed = tampered(|v| v["regressor"]["inputs"][2]["name"] = "lights.other".into());

@@ -77,7 +77,7 @@ fn no_command_replaces_what_it_reads() {
 #[test]
 fn earlier_results_stay_unless_asked() {
     let place = place();
-    let fit = ["fit", "ggx.json", "--model", "lambert", "--grid", "9", "--out", "new/fit.json"];
+    let fit = ["fit", "ggx.json", "--model", "lambert", "-m", "D4.Cl", "--grid", "9", "--out", "new/fit.json"];
     let score = ["score", "p.csv", "-m", "D1", "--out", "new/scores.csv"];
     let convert = ["data", "convert", "ggx.json", "folder/new.titopoh"];
     let study = ["study", "--study", "synthetic", "--out", "ratings"];

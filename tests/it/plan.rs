@@ -337,7 +337,7 @@ fn arguments_out_of_range_are_refused_before_the_work() {
         ),
         // As it was called before.
         (
-            &["fit", "ward.json", "--model", "ggx", "--out", "x.json", "--grid", "16"],
+            &["fit", "ward.json", "--model", "ggx", "-m", "D4.Cl", "--out", "x.json", "--grid", "16"],
             "coarsening is 16; it must be 1 to 15 cells",
         ),
         (

@@ -18,7 +18,7 @@ use vernis_metric::brdf::{Brdf, Grid, TabulatedBrdf};
 use vernis_metric::descriptor::{BrdfFeatures, DescriptorOptions, DescriptorSet, Family, Setup};
 use vernis_metric::metric::registry::{Registry, distances};
 
-const METRICS: [&str; 15] = [
+const METRICS: [&str; 17] = [
     "D1",
     "D2.Cl",
     "D3.CR",
@@ -34,6 +34,8 @@ const METRICS: [&str; 15] = [
     "mmd-gaussian",
     "mmd-laplacian",
     "vernis",
+    "vernis-loss",
+    "vernis-1",
 ];
 
 /// The setups that code alone defines, of every version that this program computes.

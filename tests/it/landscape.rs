@@ -217,7 +217,6 @@ fn the_metrics_of_the_default_are_those_that_this_build_has() {
 /// Over the range in which people rated, the distance falls by at most 0.05 MOS on the way out from the reference; by 0.15 where the
 /// hue turns.
 #[test]
-#[ignore = "the registry has no vernis-loss yet, and version 1 of vernis is not monotone"]
 fn the_metrics_to_fit_with_grow_on_the_way_out() {
     let registry = Registry::standard().unwrap();
     let metrics = GROW.map(|name| registry.get(name).unwrap());

@@ -139,13 +139,13 @@ impl SaturatedDistance {
         let mut votes = [Vec::new(), Vec::new()];
         if let Some((all, drawn)) = &drawn {
             let total: f64 = drawn.iter().flat_map(|t| t.votes).sum();
-            for side in 0..2 {
+            for (side, votes) in votes.iter_mut().enumerate() {
                 for triplet in drawn {
                     let of = |&(column, scale): &(usize, f64)| {
                         (f64::from(all.value(triplet.pairs[side], column)).abs() / scale) as f32
                     };
                     magnitudes.extend(features.iter().map(of));
-                    votes[side].push((triplet.votes[side] / total) as f32);
+                    votes.push((triplet.votes[side] / total) as f32);
                 }
             }
         }

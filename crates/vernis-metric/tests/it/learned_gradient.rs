@@ -35,8 +35,11 @@ impl Brdf for Holed {
     }
 }
 
+/// Reference and candidate.
+type Pair = (Arc<dyn Brdf>, Arc<dyn Brdf>);
+
 /// Plastics, metals, fabrics, mirrors, blacks and a table with holes, against each other.
-fn models() -> Vec<(Arc<dyn Brdf>, Arc<dyn Brdf>)> {
+fn models() -> Vec<Pair> {
     let plastic = model("ggx", &[0.3, 0.05, 0.04, 0.04, 0.04, 0.04, 0.1]);
     let metal = model("ggx", &[0.0, 0.0, 0.0, 0.95, 0.7, 0.3, 0.2]);
     let mirror = model("ggx", &[0.0, 0.0, 0.0, 0.95, 0.95, 0.95, 0.002]);
@@ -59,7 +62,7 @@ fn models() -> Vec<(Arc<dyn Brdf>, Arc<dyn Brdf>)> {
 }
 
 /// Twenty pairs of the open study: published fits of ten materials of all kinds.
-fn published() -> Vec<(Arc<dyn Brdf>, Arc<dyn Brdf>)> {
+fn published() -> Vec<Pair> {
     let data = data_folder();
     let open = |notation: String| -> Arc<dyn Brdf> {
         BrdfSource::parse(&notation).expect("a notation").open(Some(&data)).expect("is there").brdf
@@ -106,7 +109,7 @@ fn check(what: &str, pair: usize, values: &[Rgb], found: &Gradient, value: &dyn 
     }
 }
 
-fn check_pairs(pairs: &[(Arc<dyn Brdf>, Arc<dyn Brdf>)]) {
+fn check_pairs(pairs: &[Pair]) {
     for name in LEARNED {
         let metric = metric(name);
         for (k, (reference, candidate)) in pairs.iter().enumerate() {

@@ -147,6 +147,7 @@ impl KernelRidge {
 }
 
 /// k'(a, b) of all pairs of a point and a landmark; of each are given rows x features, as they are and with every difference at zero.
+#[cfg(feature = "train")]
 pub(super) fn centred(kernel: &Kernel, [z, z0]: [&Array2<f64>; 2], [b, b0]: [&Array2<f64>; 2]) -> Array2<f64> {
     let features = z.ncols() as f64;
     let radial = |a: &Array2<f64>, b: &Array2<f64>| distances(a.view(), b.view()).mapv(|d| kernel.radial(d, features));

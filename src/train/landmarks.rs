@@ -77,6 +77,7 @@ impl LowRank {
     }
 
     /// The factor's row of each further point; `kernel` is points x pivots.
+    #[cfg(any(test, feature = "train"))]
     pub(super) fn rows_of(&self, kernel: ArrayView2<'_, f64>) -> Array2<f64> {
         let (r, l) = (self.pivots.len(), self.triangle());
         let mut rows = kernel.to_owned();

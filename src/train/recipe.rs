@@ -115,8 +115,7 @@ pub fn uses(column: &Column) -> bool {
 
 /// The descriptors of the metric: every family of which it takes the columns.
 pub fn descriptors() -> DescriptorSet {
-    let taken = |family: &Family| Family::EXTENDED.contains(family) || family.name() == NORMS;
-    DescriptorSet::new(Family::ALL.into_iter().filter(taken).collect())
+    DescriptorSet::with_norms()
 }
 
 /// A trainer that also learns from the pairs with reference and candidate exchanged.

@@ -48,6 +48,7 @@ impl Standardized {
 
     /// With derivatives everywhere, from the columns that `keep` accepts; `inputs` are all columns. Fails where no difference varies
     /// over the rows.
+    #[cfg(feature = "train")]
     pub(super) fn fit_smooth(
         trainer: &str,
         set: &TrainingSet,

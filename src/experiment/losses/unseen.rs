@@ -13,7 +13,7 @@ use crate::samples::Samples;
 use crate::samples::extraction::Extractor;
 use crate::samples::split::{Fold, grouped_folds};
 use crate::train::export::{self, Export};
-use crate::train::{TrainError, Trainer, recipe};
+use crate::train::{TrainError, Trainer};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -101,7 +101,7 @@ impl UnseenTraining<'_> {
     /// training; descriptors that cannot be computed, folds that cannot be made, a training that fails, a file that cannot be written.
     pub fn run(&self) -> Result<UnseenMetrics, ExperimentError> {
         let setup = Setup::standard();
-        let set = recipe::descriptors();
+        let set = DescriptorSet::with_norms();
         let samples = self.samples(&set, &setup)?;
         let folds = grouped_folds(&samples, self.folds, self.seed)?;
         let mut fold_of = BTreeMap::new();

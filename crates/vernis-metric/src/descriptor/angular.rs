@@ -1,10 +1,10 @@
 //! Ratios of two BRDFs over regions of half/difference angles.
 //!
-//!   sY = <r>,   aY = <sqrt(r^2 + 0.02^2) - 0.02>,   r = ln((Y_B + 0.001) / (Y_A + 0.001)),
-//!   sR = <difference of ln((R + 0.001) / (G + 0.001))>,   sB the same with B for R,
+//!   sY = mean of r,   aY = mean of sqrt(r^2 + 0.02^2) - 0.02,   r = ln((Y_B + 0.001) / (Y_A + 0.001)),
+//!   sR = mean difference of ln((R + 0.001) / (G + 0.001)),   sB the same with B for R,
 //!
-//! A the reference, B the candidate, Y the luminance of the BRDF (1/sr). <> is the mean over the nodes of a region that
-//! both tables sampled, with the weights of [`super::regions`]. A region without a common node gives 0. The plain aY, <|r|>,
+//! A the reference, B the candidate, Y the luminance of the BRDF (1/sr). Means are over the nodes of a region that
+//! both tables sampled, with the weights of [`super::regions`]. A region without a common node gives 0. The plain aY, the mean of |r|,
 //! is a pseudo-metric between BRDFs that were measured at the same nodes.
 //!
 //! Cost: 11,520 logarithms a BRDF; one pass over 3,840 nodes a pair.

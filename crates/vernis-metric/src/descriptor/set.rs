@@ -241,6 +241,11 @@ impl DescriptorSet {
         Self::new(Family::EXTENDED.to_vec())
     }
 
+    /// The extended set and the norms, 96: what metrics of version 2 take.
+    pub fn with_norms() -> Self {
+        Self::new(Family::EXTENDED.into_iter().chain([Family::Norms]).collect())
+    }
+
     /// Every family that needs no learned data.
     pub fn all() -> Self {
         Self::new(Family::ALL.to_vec())

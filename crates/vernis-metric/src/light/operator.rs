@@ -12,7 +12,7 @@
 //!   cos phi_d = |cos theta_h cos theta_d - n.l| / (sin theta_h sin theta_d)   (folded to 0..90 deg).
 //!
 //! For a table of averages ([`Sampling::Averages`]) every pair of a sub-normal and a light cell is a disc of half vectors of radius
-//! 1 deg, spread over the nodes of theta_h near the mirror direction ([`super::footprint`]), and no lobe falls between two of them.
+//! 1 deg, spread over the nodes of theta_h near the mirror direction (`footprint.rs`), and no lobe falls between two of them.
 //!
 //! Collecting the weights of each node gives one sparse row a pixel, about 950 of 3,840 nodes. The lights share the
 //! nodes of a row (they never go dark) and differ in the weights.

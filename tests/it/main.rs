@@ -17,9 +17,9 @@ mod landscape;
 mod learned;
 mod losses;
 mod old_files;
-#[cfg(feature = "train")]
 mod optimizers;
 mod output;
+#[cfg(feature = "train")]
 mod plan;
 mod readme;
 mod report;

@@ -10,6 +10,7 @@ use super::optimizer::{Improvement, Limits, Method, Observer as Watch, Outcome, 
 use super::start::Candidate;
 use super::{FitError, Space};
 use crate::io::{Observer, Progress};
+use crate::metric::learned::FAMILY;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -28,6 +29,10 @@ pub(super) const GAIN: f64 = 1e-6;
 const LEARNED_TOLERANCE: f64 = 1e-2;
 /// Nor is half a hundredth of the loss: a thousandth of an opinion score, where the metric itself is off by tenths.
 const LEARNED_GAIN: f64 = 5e-3;
+/// How often steps along single parameters follow a search by gradients, how many evaluations they have, and their first length.
+const CROSSINGS: usize = 2;
+const CROSSING_EVALUATIONS: usize = 36;
+const CROSSING_STEP: f64 = 0.1;
 const POLISH_TOLERANCE: f64 = 1e-4;
 /// Evaluations of a polish: those under the whole metric are dear.
 const POLISH_EVALUATIONS: usize = 8;
@@ -60,7 +65,7 @@ impl Fitting<'_> {
         };
         let from = |start: &Candidate| match (&starts.log, self.metric.properties().rough) {
             (Some(log), true) => self.blended(space, start, log, loss, &watch),
-            _ => minimise(self.method, &objective, &space.scaled(&start.parameters), self.limits(STEP), &watch),
+            _ => self.descend(&objective, &space.scaled(&start.parameters), self.limits(STEP), &watch),
         };
         let outcomes: Vec<Result<Outcome, FitError>> = starts.candidates.par_iter().map(from).collect();
         let mut best: Option<(Outcome, usize)> = None;
@@ -81,6 +86,49 @@ impl Fitting<'_> {
         };
         objective.undo_power(&mut outcome);
         Ok(Searched { outcome, from, spent: done.into_inner() })
+    }
+
+    /// A search by the method of the fit. A learned loss has edges: moduli of differences, and hollows of its kernel. A search by gradients
+    /// stops at an edge that steps along single parameters cross, so these follow it, a few at a time, as long as they gain.
+    fn descend(
+        &self,
+        objective: &LossObjective<'_>,
+        start: &[f64],
+        limits: Limits,
+        watch: Watch<'_>,
+    ) -> Result<Outcome, FitError> {
+        let mut found = minimise(self.method, objective, start, limits, watch)?;
+        if self.method != Method::Lbfgs || self.metric.properties().family != FAMILY {
+            return Ok(found);
+        }
+        for _ in 0..CROSSINGS {
+            let before = found.value;
+            for (method, most) in [(Method::HookeJeeves, CROSSING_EVALUATIONS), (Method::Lbfgs, usize::MAX)] {
+                let left = limits.max_evaluations.saturating_sub(found.evaluations).min(most);
+                if found.stop == StopReason::Interrupted || left < CROSSING_EVALUATIONS {
+                    return Ok(found);
+                }
+                let limits = Limits { max_evaluations: left, step: CROSSING_STEP, ..limits };
+                let further = minimise(method, objective, &found.x, limits, watch)?;
+                let lower = further.history.iter().filter(|step| step.value < found.value);
+                let later = |step: &Improvement| Improvement {
+                    evaluations: found.evaluations + step.evaluations,
+                    value: step.value,
+                };
+                let lower: Vec<Improvement> = lower.map(later).collect();
+                found.history.extend(lower);
+                found.evaluations += further.evaluations;
+                if further.value < found.value {
+                    (found.x, found.value) = (further.x, further.value);
+                }
+                if method == Method::Lbfgs || further.stop == StopReason::Interrupted {
+                    found.stop = further.stop;
+                } else if found.value >= before - GAIN * before.abs() {
+                    return Ok(found);
+                }
+            }
+        }
+        Ok(found)
     }
 
     /// From a log fit to the learned metric by degrees; the log fit itself where nothing better is found.
@@ -123,7 +171,7 @@ impl Fitting<'_> {
         let objective = LossObjective::new(space, learned, self.method);
         let limits =
             Limits { max_evaluations: total - spent, tolerance: LEARNED_TOLERANCE, gain: LEARNED_GAIN, ..limits };
-        let mut outcome = minimise(self.method, &objective, &x, limits, watch)?;
+        let mut outcome = self.descend(&objective, &x, limits, watch)?;
         if of_learned < outcome.value {
             (outcome.x, outcome.value) = (origin, of_learned);
             outcome.history = vec![Improvement { evaluations: 1, value: of_learned }];

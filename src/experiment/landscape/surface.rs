@@ -182,8 +182,8 @@ impl Parameter {
             }
             Self::Brightness => {
                 let y = material.luminance();
-                // A factor of 1.9 brings no channel of the metal above 1.
-                let (rated, whole) = if metal { ((0.1, 0.75), (0.01, 0.75)) } else { ((0.005, 0.32), (0.0005, 0.55)) };
+                // The ends bring no channel of any of the three above 1.
+                let (rated, whole) = if metal { ((0.1, 0.75), (0.01, 0.75)) } else { ((0.005, 0.32), (0.0005, 0.5)) };
                 span(y, rated, whole, (y / 1.5, y * 1.5), true)
             }
             Self::Mixing if metal => span(1.0, (0.0, 1.0), (0.0, 1.0), (0.7, 1.0), false),

@@ -1,5 +1,6 @@
 //! `vernis experiment noise` and `vernis experiment triplets`: commands that print what is claimed elsewhere.
 
+use super::judging::Judging;
 use super::progress::Bar;
 use super::study::{RatingsArgs, describe, load};
 use super::workspace::MetricChoice;
@@ -86,15 +87,8 @@ pub struct VersionsArgs {
     /// A study by name, or a CSV file.
     #[arg(long, default_value = "lavoue2021-open")]
     study: String,
-    /// Cross-validation folds, by material.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
-    folds: usize,
-    /// Bootstrap resamples of materials, 40 to 20000.
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
-    resamples: usize,
-    /// Seed of folds, training and resamples.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
-    seed: u64,
+    #[command(flatten)]
+    judging: Judging,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -177,9 +171,9 @@ pub fn versions(shared: &Shared, args: &VersionsArgs) -> Result<()> {
     let options = VersionsOptions {
         data: shared.data.clone(),
         cache: workspace::cache(shared)?,
-        folds: args.folds,
-        resamples: args.resamples,
-        seed: args.seed,
+        folds: args.judging.folds,
+        resamples: args.judging.resamples,
+        seed: args.judging.seed,
     };
     let bar = Bar::new();
     let found = compare_versions(&study, &options, &|stage, progress| bar.update(stage, progress));
@@ -189,7 +183,8 @@ pub fn versions(shared: &Shared, args: &VersionsArgs) -> Result<()> {
 }
 
 fn versions_text(record: &VersionsRecord) -> String {
-    let triplets = if record.triplets { "and judged triplets" } else { "and no triplets" };
+    let triplets =
+        record.no_triplets.as_ref().map_or("and judged triplets".to_owned(), |why| format!("and no triplets ({why})"));
     let mut text = format!(
         "{} rows of {} ({}). Version 1 learns from these rows alone, version 2 from {} rows {triplets}; all out of fold, {} folds, {} \
          resamples of materials, seed {}.\n\n| recipe | not seen | PLCC | SROCC | PLCC minus version 1 | SROCC minus version 1 |\n\

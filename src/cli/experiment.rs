@@ -1,6 +1,7 @@
 //! `vernis experiment`: questions that take hours to answer, and their reports.
 
 use super::claims::{self, NoiseArgs, TripletsArgs, VersionsArgs};
+use super::judging::Judging;
 use super::landscape::{self, LandscapeArgs};
 use super::optimizers::{self, OptimizersArgs};
 use super::output::{self, Inputs, Replace};
@@ -196,15 +197,8 @@ pub struct RebuiltArgs {
     /// Cells of D4.Cl per cell of the search of such fits, along each axis, 1 to 15.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = limits::integer(1..=15_usize))]
     coarsening: usize,
-    /// Cross-validation folds, by material: 2 to the number of groups of materials.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
-    folds: usize,
-    /// Bootstrap resamples of materials, 40 to 20000.
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
-    resamples: usize,
-    /// Seed of folds, training and resamples.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
-    seed: u64,
+    #[command(flatten)]
+    judging: Judging,
     #[command(flatten)]
     replace: Replace,
     /// Print the record as JSON instead of the tables.
@@ -214,15 +208,15 @@ pub struct RebuiltArgs {
 
 fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
     let study = Study::load(manifest::OPEN, shared.data.as_deref()).map_err(user_error)?;
-    study.validate(args.folds).map_err(user_error)?;
+    study.validate(args.judging.folds).map_err(user_error)?;
     let names = ["report.md", "rebuilt.json"];
     let folder = output::folder(Some(&args.out), PathBuf::new, &names, &Inputs::default(), args.replace)?;
     let options = RebuiltOptions {
         data: shared.data.clone(),
         cache: workspace::cache(shared)?,
-        folds: args.folds,
-        resamples: args.resamples,
-        seed: args.seed,
+        folds: args.judging.folds,
+        resamples: args.judging.resamples,
+        seed: args.judging.seed,
     };
     let bar = Bar::new();
     let refits = refits(shared, args, &study, &bar)?;
@@ -233,7 +227,7 @@ fn run_rebuilt(shared: &Shared, args: &RebuiltArgs) -> Result<()> {
     let coarsening = if asked.is_empty() { String::new() } else { format!(" --coarsening {}", args.coarsening) };
     let command = format!(
         "vernis experiment rebuilt{asked}{coarsening} --folds {} --resamples {} --seed {}",
-        args.folds, args.resamples, args.seed
+        args.judging.folds, args.judging.resamples, args.judging.seed
     );
     let path = folder.write("report.md", report::rebuilt::markdown(&record, &command).as_bytes())?;
     let json = format!("{}\n", serde_json::to_string_pretty(&record)?);

@@ -48,8 +48,7 @@ pub struct FitArgs {
     #[command(flatten)]
     view: View,
     /// staged, log (fits under D9.Cl, then moves gradually to a learned metric), log-at-once (moves at once), or a file of
-    /// parameters [default: log for learned metrics whose landscape has hollows, such as
-    /// vernis, else staged].
+    /// parameters [default: log for learned metrics whose landscape has hollows, such as vernis, else staged].
     #[arg(long, value_name = "staged|log|log-at-once|FILE.json")]
     start: Option<String>,
     /// hooke-jeeves, nelder-mead, or lbfgs where metric and model have gradients [default: lbfgs for learned metrics where the model

@@ -15,6 +15,7 @@ mod experiment;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+mod judging;
 #[cfg(feature = "train")]
 mod landscape;
 mod limits;

@@ -1,9 +1,10 @@
 //! `vernis sweep`: the study's transport and kernel distances, every combination of their parameters.
 
+use super::judging::Judging;
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
-use super::{Shared, limits, print, signals, user_error, workspace};
+use super::{Shared, print, signals, user_error, workspace};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -65,15 +66,8 @@ pub struct SweepArgs {
     /// Curves: t, t^1/2, t^1/3, t^1/4, log:eta=E with E = 0.001, 0.01, 0.1, 1; log for all four.
     #[arg(long, value_delimiter = ',')]
     phi: Vec<String>,
-    /// Cross-validation folds, by material, of the nested choice: 2 to the number of groups of materials.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = limits::folds)]
-    folds: usize,
-    /// Bootstrap resamples of materials, 40 to 20000.
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = limits::resamples)]
-    resamples: usize,
-    /// Seed of splits and resamples.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = limits::seed)]
-    seed: u64,
+    #[command(flatten)]
+    judging: Judging,
     /// Memory for tables, in GiB; tables beyond it are recomputed for every combination.
     #[arg(long, default_value_t = 4.0)]
     memory: f64,
@@ -150,7 +144,7 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         return Err(user_error(format!("--memory is {}; it must be 0 to 1000000 GiB", args.memory)));
     }
     let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
-    study.validate(args.folds).map_err(user_error)?;
+    study.validate(args.judging.folds).map_err(user_error)?;
     let short = study.short_name();
     let default = || PathBuf::from(format!("out/sweep-{short}"));
     let (names, inputs) = (["sweep.csv", "sweep.md"], Inputs::default().file(&args.study));
@@ -163,7 +157,11 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         accuracy: args.accuracy.clone(),
         memory: (args.memory * (1u64 << 30) as f64) as usize,
         compute: !args.report,
-        protocol: SweepProtocol { folds: args.folds, resamples: args.resamples, seed: args.seed },
+        protocol: SweepProtocol {
+            folds: args.judging.folds,
+            resamples: args.judging.resamples,
+            seed: args.judging.seed,
+        },
     };
     let bar = Bar::new();
     signals::resumable(
@@ -214,5 +212,9 @@ fn command(args: &SweepArgs, study: &str) -> String {
     if !args.phi.is_empty() {
         command += &format!(" --phi {}", args.phi.join(","));
     }
-    command + &format!(" --folds {} --resamples {} --seed {}", args.folds, args.resamples, args.seed)
+    command
+        + &format!(
+            " --folds {} --resamples {} --seed {}",
+            args.judging.folds, args.judging.resamples, args.judging.seed
+        )
 }

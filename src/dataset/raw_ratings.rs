@@ -2,8 +2,7 @@
 //!
 //! Columns, by name and in any order: `participant`, `material`, `method` (the two name the pair; `REFERENCE` is the
 //! reference shown as a candidate) and `score` (1 to 5, or on the scale that is declared); optional `illumination`, `seconds`
-//! (time to answer), `gold`
-//! (the expected score of a control question, empty for every other row), `group` and `material_type`.
+//! (time to answer), `gold` (the expected score of a control question, empty for every other row), `group` and `material_type`.
 //! [`RawLayout`] maps other columns to these.
 
 use super::csv_table::{CsvTable, Expected, MOST_BYTES, Others};

@@ -7,7 +7,7 @@
 //!
 //! and a text file with one material a line: its number, a tab and its name.
 
-use super::manifest::{Manifest, RatedManifest, RebuiltManifest, TripletFiles};
+use super::manifest::{self, Manifest, RatedManifest, RebuiltManifest, TripletFiles};
 use super::{DatasetError, StudyFile};
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -72,12 +72,12 @@ impl StudyTriplets {
     /// # Errors
     /// Files that are there but cannot be used: see [`Triplets::load`]; a material that the study cannot rebuild.
     pub fn of_study(name: &str, data: Option<&Path>) -> Result<Result<Self, String>, DatasetError> {
-        let Ok(Manifest { rated, rebuilt: Some(rebuilt) }) = Manifest::embedded(name) else {
-            return Ok(Err("the study names no file of triplets".to_owned()));
-        };
-        let Some(files) = &rebuilt.triplets else {
-            return Ok(Err("the study names no file of triplets".to_owned()));
-        };
+        let none = || Ok(Err("the study names no file of triplets".to_owned()));
+        if !manifest::NAMES.contains(&name) {
+            return none();
+        }
+        let Manifest { rated, rebuilt: Some(rebuilt) } = Manifest::embedded(name)? else { return none() };
+        let Some(files) = &rebuilt.triplets else { return none() };
         let Some(data) = data else {
             return Ok(Err("there is no data folder to find them in".to_owned()));
         };

@@ -32,6 +32,22 @@ pub struct TripletAgreement {
     pub interval: Option<Interval>,
 }
 
+/// How much of a choice between two falls on the first: all where its `nearness` is larger, half where both are equal.
+pub fn choice(nearness: [f64; 2]) -> f64 {
+    match nearness {
+        [a, b] if a > b => 1.0,
+        [a, b] if a < b => 0.0,
+        _ => 0.5,
+    }
+}
+
+/// What agrees as a share of all, from the two numbers of each reference or group of them that count as often as `counts` says; `None`
+/// where there is nothing to agree with.
+pub fn share_agreeing(numbers: &[[f64; 2]], counts: &[u32]) -> Option<f64> {
+    let total = |k: usize| numbers.iter().zip(counts).map(|(n, &c)| f64::from(c) * n[k]).sum::<f64>();
+    (total(1) > 0.0).then(|| total(0) / total(1))
+}
+
 /// Agreeing and all majorities of a group of references.
 type Counts = BTreeMap<String, [f64; 2]>;
 
@@ -70,14 +86,7 @@ pub fn cross_validate_triplets(
         let features = Array2::from_shape_fn((pairs.len(), columns), |(row, column)| rows[row][column]);
         let scores: BTreeMap<usize, f64> = pairs.into_iter().zip(model.predict(features.view())).collect();
         for triplet in held {
-            let [a, b] = triplet.pairs.map(|pair| scores[&pair]);
-            let first = if a > b {
-                1.0
-            } else if a < b {
-                0.0
-            } else {
-                0.5
-            };
+            let first = choice(triplet.pairs.map(|pair| scores[&pair]));
             let [votes_a, votes_b] = triplet.votes;
             let sums = counts.entry(triplet.group.to_string()).or_default();
             sums[0] += if votes_a > votes_b { first } else { 1.0 - first };
@@ -87,10 +96,7 @@ pub fn cross_validate_triplets(
     };
     let found: Vec<Counts> = folds.par_iter().enumerate().map(of_fold).collect::<Result<_, EvaluationError>>()?;
     let sums: Vec<[f64; 2]> = found.into_iter().flat_map(Counts::into_values).collect();
-    let share = |counts: &[u32]| {
-        let total = |k: usize| sums.iter().zip(counts).map(|(s, &c)| f64::from(c) * s[k]).sum::<f64>();
-        (total(1) > 0.0).then(|| total(0) / total(1))
-    };
+    let share = |counts: &[u32]| share_agreeing(&sums, counts);
     let Some(majority) = share(&vec![1; sums.len()]) else { return Ok(None) };
     let rows: Vec<Vec<usize>> = (0..sums.len()).map(|row| vec![row]).collect();
     let interval = match rows.len() {

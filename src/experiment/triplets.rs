@@ -9,6 +9,7 @@
 
 use super::ExperimentError;
 use crate::dataset::triplets::{Triplet, Triplets};
+use crate::evaluation::triplets::{choice, share_agreeing};
 use crate::samples::distances::PairDistances;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -122,8 +123,8 @@ pub fn triplets(
     Ok((judge(&rated, options.metrics, &distances, options.resamples, options.seed)?, warnings))
 }
 
-/// Sums of one reference: agreeing and all votes, agreeing and all majorities.
-type Sums = [f64; 4];
+/// Sums of one reference: agreeing and all votes, then agreeing and all majorities.
+type Sums = [[f64; 2]; 2];
 
 fn judge(
     rated: &[&Triplet],
@@ -146,34 +147,25 @@ fn judge(
         for triplet in rated {
             let distance = |k: usize| distances.get(&(triplet.reference, triplet.candidates[k])).map(|all| all[index]);
             let (Some(a), Some(b)) = (distance(0), distance(1)) else { continue };
-            // The share of its choice that is the first of the two.
-            let first = if a < b {
-                1.0
-            } else if a > b {
-                0.0
-            } else {
-                0.5
-            };
+            let first = choice([-a, -b]);
             let [va, vb] = triplet.votes.map(f64::from);
-            let sums = of_reference.entry(triplet.reference).or_default();
-            sums[0] += first * va + (1.0 - first) * vb;
-            sums[1] += va + vb;
+            let [votes, majorities] = of_reference.entry(triplet.reference).or_default();
+            votes[0] += first * va + (1.0 - first) * vb;
+            votes[1] += va + vb;
             if va != vb {
-                sums[2] += if va > vb { first } else { 1.0 - first };
-                sums[3] += 1.0;
+                majorities[0] += if va > vb { first } else { 1.0 - first };
+                majorities[1] += 1.0;
             }
         }
         let sums: Vec<Sums> = of_reference.into_values().collect();
         let share = |k: usize| {
-            let of = |counts: &[u32]| {
-                let total = |k: usize| sums.iter().zip(counts).map(|(s, &c)| f64::from(c) * s[k]).sum::<f64>();
-                (total(k + 1) > 0.0).then(|| total(k) / total(k + 1))
-            };
-            let value = of(&vec![1; sums.len()]).unwrap_or(f64::NAN);
+            let numbers: Vec<[f64; 2]> = sums.iter().map(|of_reference| of_reference[k]).collect();
+            let of = |counts: &[u32]| share_agreeing(&numbers, counts);
+            let value = of(&vec![1; numbers.len()]).unwrap_or(f64::NAN);
             Share { value, interval: drawn.as_ref().and_then(|drawn| drawn.interval(of)) }
         };
         let (name, version) = (metric.name().to_owned(), metric.version().to_owned());
-        MetricAgreement { name, version, votes: share(0), majority: share(2) }
+        MetricAgreement { name, version, votes: share(0), majority: share(1) }
     };
     let votes: u64 = rated.iter().flat_map(|t| t.votes).map(u64::from).sum();
     let most: u64 = rated.iter().map(|t| u64::from(t.votes[0].max(t.votes[1]))).sum();

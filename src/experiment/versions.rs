@@ -68,8 +68,8 @@ pub struct VersionsRecord {
     pub rows: usize,
     /// Rows that version 2 may learn from.
     pub all_rows: usize,
-    /// Whether version 2 learned from triplets.
-    pub triplets: bool,
+    /// Why version 2 learned from no judged triplets; `None` where it learned from some.
+    pub no_triplets: Option<String>,
     /// Folds by material.
     pub folds: usize,
     /// Bootstrap resamples of materials.
@@ -98,12 +98,12 @@ pub fn versions(
     let first = extract(&first_study, &first_setup, data, cache, progress)?.samples.select_columns(recipe::uses);
     let setup = Setup::standard();
     let all = extract(study, &setup, data, cache, progress)?.samples;
-    let triplets = match StudyTriplets::of_study(&study.name, data)? {
-        Ok(found) => Some(triplet_samples(&found, &setup, data, cache, progress)?.0),
-        // Version 2 does without; the record says so.
-        Err(_) => None,
+    let (triplets, no_triplets) = match StudyTriplets::of_study(&study.name, data)? {
+        Ok(found) => (Some(triplet_samples(&found, &setup, data, cache, progress)?.0), None),
+        Err(reason) => (None, Some(reason)),
     };
     let second = taken(&all, triplets.as_ref())?;
+    // Both sets of rows stand in the order of the study, so these are the rows of version 1, one by one.
     let judged: Vec<usize> = (0..second.len()).filter(|&row| is_known(&second.rows()[row].method)).collect();
 
     let ratings = Ratings::of(first.rows());
@@ -139,7 +139,7 @@ pub fn versions(
         rows_are: known.map_or_else(|| "all rows".to_owned(), |set| set.name),
         rows: judged.len(),
         all_rows: second.len(),
-        triplets: triplets.is_some(),
+        no_triplets,
         folds: options.folds,
         resamples: options.resamples,
         seed: options.seed,

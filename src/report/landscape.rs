@@ -21,12 +21,12 @@ the largest fall of each distance on that way, towards smaller and towards large
 The first figure is the fall within the range in which people rated, the figure in parentheses that along the whole sweep.";
 
 const LANDSCAPES: &str = "\
-A fit minimises a loss: for metrics learned from ratings the signed distance without the cut at zero, for others the distance. The lines run \
-through the reference in fine steps; the last one leads, straight in the coordinates of a search, from the start of `ggx` to its fit under \
-D4.Cl.CR, to a surface with a second lobe that the model lacks. Each loss is divided by its own value at the end of the line. *hollow* is the \
-deepest dip beside the lowest point: a search that only descends stops there. *bend* is the largest change of slope between two neighbouring \
-segments, with the length of the line as 1: large at kinks and steps. The corner of a distance at its lowest point does not count. Last, the value at which a loss is lowest, where that is neither \
-the reference nor the fit.";
+A fit minimises a loss: for metrics learned from ratings the signed distance without the cut at zero, for others the distance. Each line of a \
+parameter runs through the reference in fine steps. The last line of a material leads from the start of `ggx` to its fit under D4.Cl.CR, \
+straight in the coordinates of a search; the reference there has a second lobe that the model lacks. Each loss is divided by its own value at \
+the end of the line. *hollow* is the deepest dip beside the lowest point: a search that only descends stops there. *bend* is the largest change \
+of slope between two neighbouring segments, with the length of the line as 1: large at kinks and steps. The corner of a distance at its lowest \
+point does not count. *lowest at* is the value at which a loss is lowest, given where that is neither the reference nor the fit.";
 
 const PAIRS: &str = "\
 Pairs whose difference everybody can name. Mirrors of these three roughnesses look the same under all but the smallest lights.";
@@ -34,10 +34,10 @@ Pairs whose difference everybody can name. Mirrors of these three roughnesses lo
 /// Why a metric of pictures says what it says of blacks and of metals; nothing here cures it.
 const NO_CURE: &str = "\
 Blacks and the colours of metals have no cure here. The learned metrics compare pictures by the logarithm of their values, over a floor of \
-0.01: two surfaces differ by the ratio of their brightness, and the ratio of two blacks counts like that of two greys until both lie below the \
-floor. People see a black of albedo 0.001 and one of 0.005 as black, because a screen and a room add light of their own; nobody rated such pairs, and the \
-picture knows neither. For metals, people rated approximations whose hue is nearly right. Nothing in the ratings says \
-how bad silver is in place of gold, and most of what a rater compares, shape and sharpness of the highlight, is the same in both.";
+0.01: two surfaces differ by the ratio of their brightness, and the ratio of two blacks counts like that of two greys until both lie below \
+the floor. People see a black of albedo 0.001 and one of 0.005 as black, because a screen and a room add light of their own; nobody rated \
+such pairs, and the picture knows neither. For metals, people rated approximations whose hue is nearly right. Nothing in the ratings says how \
+bad silver is in place of gold, and most of what a rater compares, shape and sharpness of the highlight, is the same in both.";
 
 /// Writes `report.md`, `record.json` and each figure as SVG and PNG; `command` makes them again. Returns the path of the report.
 ///

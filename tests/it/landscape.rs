@@ -1,6 +1,6 @@
 //! How metrics follow one parameter of a material: the metrics to fit with must, and the report says where others do not.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use vernis::brdf::Brdf;
 use vernis::experiment::ExperimentError;
 use vernis::experiment::landscape::record::{Answer, LandscapeRecord};
@@ -77,13 +77,16 @@ fn metrics() -> [Arc<dyn Metric>; 2] {
     ]
 }
 
+/// Most of its time goes into the fits: tests share one.
+static RECORD: LazyLock<LandscapeRecord> = LazyLock::new(record);
+
 fn record() -> LandscapeRecord {
     landscape(&metrics(), &LandscapeOptions { points: 6, steps: 21 }, &silent).unwrap()
 }
 
 #[test]
 fn a_metric_that_turns_back_is_found_out_and_one_that_grows_is_not() {
-    let record = record();
+    let record = &*RECORD;
     assert_eq!((record.sweeps.len(), record.lines.len()), (3 * 5, 3 * 6));
     for sweep in &record.sweeps {
         assert!(sweep.values.is_sorted() && sweep.values.contains(&sweep.reference), "{sweep:?}");
@@ -105,7 +108,7 @@ fn a_metric_that_turns_back_is_found_out_and_one_that_grows_is_not() {
 
 #[test]
 fn landscapes_are_those_of_the_loss_and_are_scaled_by_their_ends() {
-    let record = record();
+    let record = &*RECORD;
     for line in &record.lines {
         assert_eq!(line.values.len(), 21);
         let of_start = line.name == FROM_START;
@@ -132,11 +135,11 @@ fn landscapes_are_those_of_the_loss_and_are_scaled_by_their_ends() {
 
 #[test]
 fn the_report_has_verdicts_figures_and_the_same_bytes_every_time() {
-    let record = record();
-    assert_eq!(record, self::record());
+    let record = &*RECORD;
+    assert_eq!(*record, self::record());
     let folder = tempfile::tempdir().unwrap();
     let out = report::OutputFolder::create(folder.path()).unwrap();
-    let page = std::fs::read_to_string(report::landscape::write(&out, &record, "vernis experiment landscape").unwrap());
+    let page = std::fs::read_to_string(report::landscape::write(&out, record, "vernis experiment landscape").unwrap());
     let page = page.unwrap();
     for words in
         ["| metal, f0 | up |", "gold and silver", "grows keeps to that on all 15 sweeps", "no unit", "have no cure"]
@@ -144,7 +147,7 @@ fn the_report_has_verdicts_figures_and_the_same_bytes_every_time() {
         assert!(page.contains(words), "{words} is missing in\n{page}");
     }
     let json = std::fs::read(folder.path().join("record.json")).unwrap();
-    assert_eq!(serde_json::from_slice::<LandscapeRecord>(&json).unwrap(), record);
+    assert_eq!(serde_json::from_slice::<LandscapeRecord>(&json).unwrap(), *record);
     if cfg!(feature = "train") {
         for name in report::landscape::FIGURES {
             assert!(page.contains(&format!("![{name}]({name}.png)")));

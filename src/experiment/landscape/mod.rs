@@ -3,9 +3,9 @@
 //! * **Sweeps.** A plastic, a metal and a fabric ([`surface`]) are compared with themselves, one parameter changed: roughness,
 //!   brightness, the share of the specular part, a second lobe, hue. A distance should grow on the way out from the reference. Its
 //!   largest fall is the verdict, in the unit of the metric.
-//! * **Landscapes.** What a fit minimises ([`PreparedMetric::loss`]) in fine steps near
-//!   the reference, and on the way from a wrong start to a fit, along which all parameters of a model change together. A smooth loss
-//!   with no hollow leads a search to its minimum.
+//! * **Landscapes.** What a fit minimises ([`PreparedMetric::loss`]) in fine steps near the reference, and on the way from a wrong
+//!   start to a fit, along which all parameters of a model change together. A smooth loss with no hollow leads a search to its
+//!   minimum.
 //! * **Odd pairs.** Mirrors, blacks, metals of other colours, turned hues: what each metric says of them.
 //!
 //! Nothing is drawn by chance; the same bytes whatever the number of threads.

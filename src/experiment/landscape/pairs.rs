@@ -6,8 +6,7 @@ use std::sync::Arc;
 use vernis_metric::math::Rgb;
 use vernis_metric::metric::{Metric, MetricError};
 
-/// Reflectance at normal incidence, linear RGB, rounded; gold's red, which lies outside the gamut, is 1. Akenine-Möller et al. 2018,
-/// *Real-Time Rendering*, 4th edition, table 9.2.
+/// Reflectance at normal incidence, linear RGB, as renderers commonly set it, rounded; gold's red, which lies outside the gamut, is 1.
 const GOLD: Rgb = [1.0, 0.77, 0.34];
 const SILVER: Rgb = [0.97, 0.96, 0.92];
 /// Of both.

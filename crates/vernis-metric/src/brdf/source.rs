@@ -10,7 +10,6 @@
 //! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
 //! | `npf.bin:teflon` | tabulated factors |
 //! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
-//!
 //! | `merl_nbrdf.zip:teflon?fit=dupuy-ggx`, `alum-bronze.binary?fit=dupuy` | what is read off any of these without a search |
 //!
 //! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same

@@ -7,17 +7,13 @@
 use super::optimizer::StopReason;
 use super::{FitError, Fitted, rational};
 use crate::brdf::Brdf;
-use crate::brdf::models::{AnalyticBrdf, Dupuy, ModelError};
+use crate::brdf::models::{AnalyticBrdf, Dupuy};
 use crate::metric::Metric;
 use std::sync::Arc;
 
-const TABULATED: &str = "dupuy";
-const GGX: &str = "dupuy-ggx";
-const BECKMANN: &str = "dupuy-beckmann";
-
 /// Whether [`fit`] knows the model.
 pub fn is_direct(model: &str) -> bool {
-    [TABULATED, GGX, BECKMANN].contains(&model) || is_rational(model)
+    Dupuy::MODELS.contains(&model) || is_rational(model)
 }
 
 fn is_rational(model: &str) -> bool {
@@ -30,10 +26,10 @@ fn is_rational(model: &str) -> bool {
 /// [`FitError::Model`] where the reference sends no light straight back, or the roughness is out of bounds;
 /// [`FitError::Infeasible`]; those of the metric.
 pub fn fit(model: &str, metric: &dyn Metric, reference: &dyn Brdf) -> Result<Fitted, FitError> {
-    let (fitted, method) = if is_rational(model) {
+    let (fitted, method): (Arc<dyn AnalyticBrdf>, _) = if is_rational(model) {
         (rational::fit(model, reference)?, "quadratic-programming")
     } else {
-        (extracted(model, reference).map_err(FitError::Model)?, "power-iteration")
+        (Arc::new(Dupuy::extracted(model, reference).map_err(FitError::Model)?), "power-iteration")
     };
     let value = metric.distance(reference, &*fitted)?;
     Ok(Fitted {
@@ -50,13 +46,4 @@ pub fn fit(model: &str, metric: &dyn Metric, reference: &dyn Brdf) -> Result<Fit
         history: Vec::new(),
         at_bounds: Vec::new(),
     })
-}
-
-fn extracted(model: &str, reference: &dyn Brdf) -> Result<Arc<dyn AnalyticBrdf>, ModelError> {
-    let tabulated = Dupuy::from_retroreflection(reference)?;
-    Ok(Arc::new(match model {
-        GGX => tabulated.ggx()?,
-        BECKMANN => tabulated.beckmann()?,
-        _ => tabulated,
-    }))
 }

@@ -2,7 +2,8 @@
 //!
 //! 1. The loss of the metric, and a cheaper one for the search: fewer cells for Lp, a coarser grid for metrics on graphs.
 //! 2. The starts: staged, fits under the logarithm (D9.Cl), or given parameters; further ones by rank, then by chance.
-//! 3. A search from each start under the cheap loss, in parallel; the best one counts (`search.rs`).
+//! 3. A search from each start under the cheap loss, in parallel; the best one counts (`search.rs`). Under a learned metric a search
+//!    by L-BFGS is followed by steps along single parameters, which cross the edges of such a loss, as long as they gain.
 //! 4. A polish under the metric itself, with steps of a hundredth: by L-BFGS where there are gradients, else by the method
 //!    of the search.
 //!
@@ -72,7 +73,7 @@ pub struct Fitting<'a> {
     pub model: &'a str,
     /// The loss.
     pub metric: &'a dyn Metric,
-    /// `None`: at a log fit for learned metrics, staged for others.
+    /// `None`: at a log fit for learned metrics whose landscape has hollows ([`Properties::rough`](crate::metric::Properties::rough)), staged for others.
     pub start: Option<Start>,
     /// How each start is searched; [`Fitting::new`] takes L-BFGS for learned metrics with a gradient, where the model has one too, and
     /// the study's Hooke-Jeeves for all others.

@@ -46,6 +46,17 @@ pub(super) struct Searched {
     pub spent: usize,
 }
 
+/// What `further`, a search from the end of `found`, adds to it; `found` keeps its reason to stop.
+fn append(found: &mut Outcome, further: Outcome) {
+    let lower = further.history.into_iter().filter(|step| step.value < found.value);
+    let later = |step: Improvement| Improvement { evaluations: found.evaluations + step.evaluations, ..step };
+    found.history.extend(lower.map(later).collect::<Vec<_>>());
+    found.evaluations += further.evaluations;
+    if further.value < found.value {
+        (found.x, found.value) = (further.x, further.value);
+    }
+}
+
 impl Fitting<'_> {
     /// The best of the searches from all starts.
     pub(super) fn search(
@@ -88,8 +99,9 @@ impl Fitting<'_> {
         Ok(Searched { outcome, from, spent: done.into_inner() })
     }
 
-    /// A search by the method of the fit. A learned loss has edges: moduli of differences, and hollows of its kernel. A search by gradients
-    /// stops at an edge that steps along single parameters cross, so these follow it, a few at a time, as long as they gain.
+    /// A search by the method of the fit. A learned loss has edges: moduli of differences, and hollows of its kernel. A search by
+    /// gradients stops at an edge that steps along single parameters cross, so these follow it, a few at a time, as long as they
+    /// gain.
     fn descend(
         &self,
         objective: &LossObjective<'_>,
@@ -101,32 +113,26 @@ impl Fitting<'_> {
         if self.method != Method::Lbfgs || self.metric.properties().family != FAMILY {
             return Ok(found);
         }
+        let left = |found: &Outcome| limits.max_evaluations.saturating_sub(found.evaluations);
         for _ in 0..CROSSINGS {
-            let before = found.value;
-            for (method, most) in [(Method::HookeJeeves, CROSSING_EVALUATIONS), (Method::Lbfgs, usize::MAX)] {
-                let left = limits.max_evaluations.saturating_sub(found.evaluations).min(most);
-                if found.stop == StopReason::Interrupted || left < CROSSING_EVALUATIONS {
-                    return Ok(found);
-                }
-                let limits = Limits { max_evaluations: left, step: CROSSING_STEP, ..limits };
-                let further = minimise(method, objective, &found.x, limits, watch)?;
-                let lower = further.history.iter().filter(|step| step.value < found.value);
-                let later = |step: &Improvement| Improvement {
-                    evaluations: found.evaluations + step.evaluations,
-                    value: step.value,
-                };
-                let lower: Vec<Improvement> = lower.map(later).collect();
-                found.history.extend(lower);
-                found.evaluations += further.evaluations;
-                if further.value < found.value {
-                    (found.x, found.value) = (further.x, further.value);
-                }
-                if method == Method::Lbfgs || further.stop == StopReason::Interrupted {
-                    found.stop = further.stop;
-                } else if found.value >= before - GAIN * before.abs() {
-                    return Ok(found);
-                }
+            if found.stop == StopReason::Interrupted || left(&found) < CROSSING_EVALUATIONS {
+                break;
             }
+            let before = found.value;
+            let across = Limits { max_evaluations: CROSSING_EVALUATIONS, step: CROSSING_STEP, ..limits };
+            let crossed = minimise(Method::HookeJeeves, objective, &found.x, across, watch)?;
+            if crossed.stop == StopReason::Interrupted {
+                found.stop = StopReason::Interrupted;
+            }
+            append(&mut found, crossed);
+            let gained = found.value < before - GAIN * before.abs();
+            if found.stop == StopReason::Interrupted || !gained || left(&found) < CROSSING_EVALUATIONS {
+                break;
+            }
+            let onwards = Limits { max_evaluations: left(&found), step: CROSSING_STEP, ..limits };
+            let further = minimise(Method::Lbfgs, objective, &found.x, onwards, watch)?;
+            found.stop = further.stop;
+            append(&mut found, further);
         }
         Ok(found)
     }

@@ -24,9 +24,9 @@ pub fn all(record: &LandscapeRecord) -> Result<Vec<Figure>, ReportError> {
 /// [`ReportError::Figure`].
 pub fn sweeps(record: &LandscapeRecord) -> Result<Figure, ReportError> {
     let caption = format!(
-        "Distances of a material to itself with one parameter changed: {}. The vertical line is the reference; a distance should grow away \
-         from it on both sides. Grey: beyond what people rated. {} Hue is turned in CIELAB at one lightness and chroma; albedo and f0 are luminances; \
-         alpha, albedo and f0 have logarithmic axes.",
+        "Distances of a material to itself with one parameter changed: {}. The vertical line is the reference; a distance should grow \
+         away from it on both sides. Grey: beyond what people rated. {} Hue is turned in CIELAB at one lightness and chroma; albedo and \
+         f0 are luminances; alpha, albedo and f0 have logarithmic axes.",
         materials(record),
         units(&record.metrics, "of its panel")
     );
@@ -57,9 +57,10 @@ pub fn landscapes(record: &LandscapeRecord) -> Result<Figure, ReportError> {
         format!(" Not above zero there, and not drawn: {}.", flat.join("; "))
     };
     let caption = format!(
-        "What a fit minimises, near the reference (vertical line) and on the way from a wrong start (at 1) to a fit (at 0), in {} points. Each \
-         loss is divided by its own value at the end of the line, on the right, or on the left where the line ends at the reference, so that \
-         shapes can be compared and heights cannot; it has no unit.{flat} A smooth bowl leads a search to its lowest point; a dent or a step stops it.",
+        "What a fit minimises, near the reference (vertical line) and on the way from a wrong start (at 1) to a fit (at 0), in {} points. \
+         Each loss is divided by its own value at the end of the line, on the right, or on the left where the line ends at the \
+         reference, so that shapes can be compared and heights cannot; it has no unit.{flat} A smooth bowl leads a search to its lowest \
+         point; a dent or a step stops it.",
         record.steps
     );
     let panels = by_row(record.lines.iter().map(of_line).collect(), rows(record.lines.len(), record));

@@ -190,7 +190,7 @@ pub struct ExportedMetric {
 }
 
 impl ExportedMetric {
-    /// Weights are rounded to nine digits here, so that the file holds exactly what this value computes. Members must
+    /// Weights are rounded to seven significant digits here, so that the file holds exactly what this value computes. Members must
     /// share the regressor's inputs and identity.
     pub fn new(
         name: &str,

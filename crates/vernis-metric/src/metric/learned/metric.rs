@@ -1,13 +1,13 @@
 //! An exported metric as a [`Metric`]: descriptors of two BRDFs, then its regressor.
 //!
 //! The gradient is exact. It goes backwards through everything that the distance goes through: the regressor
-//! ([`super::Regressor::gradient`]), every descriptor ([`DescriptorSet::gradient`](crate::descriptor::DescriptorSet::gradient)), the pictures ([`Operator`](crate::light::Operator)) and the
-//! averages about the nodes ([`Sites`]). The reference is constant in it, its context included. Where a function has a kink, one
-//! subgradient is taken: 0 at zero difference, and 0 for a value that counts as 0 because it is negative. Descriptors of version 1
-//! have no gradient.
+//! ([`super::Regressor::gradient`]), every descriptor ([`DescriptorSet::gradient`](crate::descriptor::DescriptorSet::gradient)),
+//! the pictures ([`Operator`](crate::light::Operator)) and the averages about the nodes ([`Sites`]). The reference is constant in
+//! it, its context included. Where a function has a kink, one subgradient is taken: 0 at zero difference, and 0 for a value that
+//! counts as 0 because it is negative. Descriptors of version 1 have no gradient.
 //!
 //! Cost: that of the descriptors, see [`BrdfFeatures`]; the regressor takes less than a millisecond. Value and gradient together
-//! cost about three values.
+//! cost two to three values.
 
 use super::exported::{ExportedError, ExportedMetric};
 use super::regressor::Function;

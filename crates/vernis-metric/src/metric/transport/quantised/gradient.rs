@@ -16,8 +16,8 @@
 //! Coarser levels (`levels.rs`) are linear in the finer ones' masses but for the limits of their anti-diffusion, and so are
 //! finer levels' potentials in the coarser ones'.
 //!
-//! Cost: 2.5 divergences, and one more where the schedule adds something. Memory: the potentials before and after every update, base nodes x value nodes x 48 bytes an
-//! update on level 0 (about 5 MB for a metal at the default setting).
+//! Cost: 2.5 divergences, and one more where the schedule adds something. Memory: the potentials before and after every
+//! update, base nodes x value nodes x 48 bytes an update on level 0 (about 5 MB for a metal at the default setting).
 
 use super::super::annealing::Annealing;
 use super::super::elementary::{LANES, Lanes};

@@ -112,7 +112,7 @@ enum Command {
     Refit(refit::RefitArgs),
     /// Make approximations of a reference that lie on a manifold through many references.
     Manifold(manifold::ManifoldArgs),
-    /// Experiments that take hours, and their reports.
+    /// Experiments that take minutes or hours, and their reports.
     #[cfg(feature = "train")]
     Experiment(experiment::ExperimentArgs),
     /// List the metrics.

@@ -98,6 +98,10 @@ pub enum ExperimentError {
     Kept { path: PathBuf, differences: String },
     #[error("{what} is {found}; it must be {allowed}")]
     Setting { what: &'static str, found: usize, allowed: &'static str },
+    #[error(
+        "the model {model} is computed from a reference without a search; searches are compared on models such as ggx"
+    )]
+    NoSearch { model: String },
     #[error("study {study}: {reason}")]
     Unsupported { study: String, reason: String },
     #[error("{metric} could not be measured on unseen materials, so that it cannot be exported: {reason}")]

@@ -13,6 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::BrdfSource;
+use vernis_metric::fit::direct::is_direct;
 use vernis_metric::fit::optimizer::Method;
 use vernis_metric::fit::{Fitted, Fitting, Start};
 use vernis_metric::io::{Observer, Progress};
@@ -82,12 +83,15 @@ pub struct OptimizerRecord {
 /// Makes every fit twice.
 ///
 /// # Errors
-/// A reference that cannot be opened, a fit that fails.
+/// A model without a search; a metric or a model without a gradient; a reference that cannot be opened; a fit that fails.
 pub fn optimizers(
     study: &Study,
     options: &OptimizerOptions<'_>,
     progress: Observer<'_>,
 ) -> Result<OptimizerRecord, ExperimentError> {
+    if let Some(model) = options.models.iter().find(|model| is_direct(model)) {
+        return Err(ExperimentError::NoSearch { model: model.clone() });
+    }
     let references = materials(study, options.references, options.seed);
     let mut jobs = Vec::new();
     for metric in options.metrics {
@@ -109,7 +113,9 @@ pub fn optimizers(
                 source: Box::new(source),
             })
         };
-        let (direct, gradient) = (run(Method::HookeJeeves)?, run(Method::Lbfgs)?);
+        // First the shorter one, which may be refused for want of a gradient.
+        let gradient = run(Method::Lbfgs)?;
+        let direct = run(Method::HookeJeeves)?;
         let course = |fitted: &Fitted| Course { value: fitted.loss, evaluations: fitted.search_evaluations };
         let reached = gradient.history.iter().find(|step| step.value <= direct.loss + SAME);
         progress("fits", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });

@@ -29,6 +29,27 @@ fn a_gradient_spares_evaluations() {
 }
 
 #[test]
+fn only_searches_with_gradients_are_compared() {
+    let study = Study::load("synthetic", None).unwrap();
+    let message = |metric: &str, model: &str| {
+        let metrics: [Arc<dyn Metric>; 1] = [Registry::standard().unwrap().get(metric).unwrap()];
+        let models = vec!["ggx".to_owned(), model.to_owned()];
+        let options =
+            OptimizerOptions { metrics: &metrics, models, references: 1, max_evaluations: 20, seed: 1, data: None };
+        optimizers(&study, &options, &silent).unwrap_err().to_string()
+    };
+    for model in ["dupuy-ggx", "rational-legendre"] {
+        let found = message("vernis-loss", model);
+        assert!(
+            found.starts_with(&format!("the model {model} is computed from a reference without a search")),
+            "{found}"
+        );
+    }
+    let found = message("vernis-1", "ward");
+    assert!(found.contains("lbfgs needs gradients, and the metric vernis-1 has none"), "{found}");
+}
+
+#[test]
 fn the_summary_counts_fits_by_model_and_over_all() {
     let fit = |model: &str, direct: (f64, usize), gradient: (f64, usize), reached_after| Comparison {
         metric: "m".into(),

@@ -1,5 +1,5 @@
 //! The published JSON Schema of exported metrics, `docs/vernis-metric-file.schema.json`, against the reader of these files:
-//! the shipped file follows it, and both accept and refuse the same variants of a small file.
+//! the shipped files follow it, it knows every family of descriptors, and both accept and refuse the same variants of a small file.
 
 use boon::{Compiler, SchemaIndex, Schemas};
 use serde_json::{Value, json};
@@ -12,7 +12,11 @@ use vernis_metric::metric::learned::{
 };
 
 const SCHEMA: &str = include_str!("../../../docs/vernis-metric-file.schema.json");
-const SHIPPED: &str = include_str!("../../vernis-metric/src/metric/learned/vernis.vernis.json");
+const SHIPPED: [&str; 3] = [
+    include_str!("../../vernis-metric/src/metric/learned/vernis.vernis.json"),
+    include_str!("../../vernis-metric/src/metric/learned/vernis-loss.vernis.json"),
+    include_str!("../../vernis-metric/src/metric/learned/vernis-1.vernis.json"),
+];
 
 /// The place of the schema among the validator's documents.
 const PLACE: &str = "urn:vernis:metric-file:1";
@@ -128,8 +132,17 @@ fn objects(value: &Value, at: &str, found: &mut Vec<String>) {
 }
 
 #[test]
-fn the_shipped_file_follows_the_schema() {
-    follows(&serde_json::from_str(SHIPPED).unwrap()).unwrap();
+fn the_shipped_files_follow_the_schema() {
+    for shipped in SHIPPED {
+        follows(&serde_json::from_str(shipped).unwrap()).unwrap();
+    }
+}
+
+#[test]
+fn the_schema_knows_every_family_of_descriptors() {
+    let schema: Value = serde_json::from_str(SCHEMA).unwrap();
+    let known = &schema["$defs"]["set"]["properties"]["families"]["items"]["enum"];
+    assert_eq!(*known, json!(Family::ALL.map(Family::name)));
 }
 
 /// Of equal items of a list, the first stands for all.

@@ -29,10 +29,11 @@ pub(super) const GAIN: f64 = 1e-6;
 const LEARNED_TOLERANCE: f64 = 1e-2;
 /// Nor is half a hundredth of the loss: a thousandth of an opinion score, where the metric itself is off by tenths.
 const LEARNED_GAIN: f64 = 5e-3;
-/// How often steps along single parameters follow a search by gradients, how many evaluations they have, and their first length.
+/// How often steps along single parameters follow a search by gradients, how many evaluations they have, and their first length:
+/// chosen on the table of `vernis experiment optimizers`.
 const CROSSINGS: usize = 2;
-const CROSSING_EVALUATIONS: usize = 36;
-const CROSSING_STEP: f64 = 0.1;
+const CROSSING_EVALUATIONS: usize = 48;
+const CROSSING_STEP: f64 = 0.2;
 const POLISH_TOLERANCE: f64 = 1e-4;
 /// Evaluations of a polish: those under the whole metric are dear.
 const POLISH_EVALUATIONS: usize = 8;

@@ -1,9 +1,15 @@
 //! L-BFGS over a box: quasi-Newton steps among the variables that are free to move, projected onto the bounds.
 //!
-//! A variable is held where it stands at a bound that the gradient pushes against. For the others the direction is -H g, H
-//! from the last ten pairs s = x' - x, y = g' - g with s.y > 0; the step t = 1, 1/2, 1/4... is taken at P(x + t d), P the
-//! projection, as soon as the value falls by 1e-4 g.(P(x + t d) - x). Without pairs the first step is of the given length.
+//! A variable is held where it stands at a bound that the gradient pushes against. For the others the direction is d = -H g, H
+//! from the last ten pairs s = x' - x, y = g' - g with s.y > 0. Without pairs the first step is of the given length. With P the
+//! projection, the step t is taken at P(x + t d) that fulfils the weak Wolfe conditions: the value falls by at least
+//! 1e-4 g.(P(x + t d) - x), and the slope along the path is at least 0.9 g.d. It is found by doubling while the slope is too steep,
+//! by the lowest point of a parabola while no value is low enough, and by halving between the two ends.
 //! It ends when the projected gradient step P(x - g/|f|) - x, f the value, or the step taken is shorter than the tolerance.
+//!
+//! The weak conditions, not the strong ones, also lead a search along the edges of a function that is not smooth: they keep s.y
+//! positive across an edge, so that H learns how steep the edge is (Lewis & Overton 2013, algorithm 2.6,
+//! doi:10.1007/s10107-012-0514-2).
 //!
 //! Source: Liu & Nocedal 1989, algorithm 2.1 and the two-loop recursion, doi:10.1007/BF01589116; the projection of Bertsekas
 //! 1982, doi:10.1137/0320018, with held variables. Difference: L-BFGS-B (Byrd et al. 1995, doi:10.1137/0916069) looks for the
@@ -14,9 +20,11 @@ use super::{Halt, Run, StopReason};
 use std::collections::VecDeque;
 
 const PAIRS: usize = 10;
+/// Of the weak Wolfe conditions: the share of the expected fall, and of the first slope that may be left.
 const DECREASE: f64 = 1e-4;
-/// Halvings before a direction is given up.
-const HALVINGS: usize = 30;
+const CURVATURE: f64 = 0.9;
+/// Points along a direction before it is given up.
+const TRIALS: usize = 30;
 
 /// A step and the change of the gradient along it.
 struct Pair {
@@ -108,27 +116,45 @@ fn direction(gradient: &[f64], free: &[bool], pairs: &VecDeque<Pair>, step: f64)
     direction.into_iter().map(|d| -d).collect()
 }
 
-/// The first point along the projected direction that is low enough.
+/// A point along the projected direction that fulfils the weak Wolfe conditions; where none is found, the farthest that is known
+/// to be low enough.
 fn descend(run: &mut Run<'_>, from: &Point, direction: &[f64]) -> Result<Option<Point>, Halt> {
-    let mut t = 1.0;
-    for _ in 0..HALVINGS {
+    let falls = dot(direction, &from.gradient);
+    let longest = direction.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+    let (mut low, mut high, mut t) = (0.0, f64::INFINITY, 1.0);
+    let mut found: Option<Point> = None;
+    for _ in 0..TRIALS {
         let x = run.inside(from.x.iter().zip(direction).map(|(x, d)| x + t * d).collect());
         let slope: f64 = x.iter().zip(&from.x).zip(&from.gradient).map(|((a, b), g)| (a - b) * g).sum();
-        if slope >= 0.0 {
-            t *= 0.5;
-            continue;
+        let trial = if slope < 0.0 { Some(run.gradient(&x)?) } else { None };
+        match trial {
+            Some((value, gradient)) if value <= from.value + DECREASE * slope => {
+                // Along the path, a variable at its bound stands still.
+                let moving = |(i, d): (usize, &f64)| if x[i] == from.x[i] + t * d { d * gradient[i] } else { 0.0 };
+                let still_falls: f64 = direction.iter().enumerate().map(moving).sum();
+                let enough = still_falls >= CURVATURE * falls;
+                found = Some(Point { x, value, gradient });
+                if enough {
+                    return Ok(found);
+                }
+                low = t;
+                t = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * t };
+            }
+            Some((value, _)) if low == 0.0 => {
+                high = t;
+                // The lowest point of the parabola through what is known, between a tenth and a half of the step.
+                let fitted = -0.5 * slope / (value - from.value - slope);
+                t *= if fitted.is_finite() { fitted.clamp(0.1, 0.5) } else { 0.1 };
+            }
+            _ => {
+                high = t;
+                t = 0.5 * (low + high);
+            }
         }
-        let (value, gradient) = run.gradient(&x)?;
-        if value <= from.value + DECREASE * slope {
-            return Ok(Some(Point { x, value, gradient }));
+        let left = if high.is_finite() { high - low } else { t };
+        if left * longest < 1e-3 * run.limits.tolerance {
+            break;
         }
-        let longest = direction.iter().fold(0.0f64, |m, d| m.max((t * d).abs()));
-        if longest < 1e-3 * run.limits.tolerance {
-            return Ok(None);
-        }
-        // The lowest point of the parabola through what is known, between a tenth and a half of the step.
-        let fitted = -0.5 * slope / (value - from.value - slope);
-        t *= if fitted.is_finite() { fitted.clamp(0.1, 0.5) } else { 0.1 };
     }
-    Ok(None)
+    Ok(found)
 }

@@ -7,7 +7,7 @@
 //! 4. A polish under the metric itself, with steps of a hundredth: by L-BFGS where there are gradients, else by the method
 //!    of the search.
 //!
-//! The result is never worse under the metric than the first start. A fit that is interrupted gives the best of what it has.
+//! What was minimised is never larger at the end than at the first start. A fit that is interrupted gives the best of what it has.
 
 use super::direct;
 use super::loss::{Lattice, Loss, LpLoss, MetricLoss};
@@ -187,11 +187,18 @@ impl<'a> Fitting<'a> {
         if stop.is_success() && value > 0.0 && (still(&origin) || still(&space.scaled(first))) {
             stop = StopReason::NothingMoved;
         }
+        let model = space.build(&parameters)?;
+        // What a search minimises under a learned metric is smooth and may be negative; the distance is neither.
+        let distance = |model: &dyn Brdf, loss: f64| {
+            if !loss.is_finite() || self.metric.properties().family != FAMILY {
+                return Ok(loss);
+            }
+            self.metric.distance(reference, model)
+        };
         Ok(Fitted {
-            model: space.build(&parameters)?,
-            // A learned loss may be negative; its distance is not.
-            value_at_start: at_start.max(0.0),
-            value: value.max(0.0),
+            value_at_start: distance(&*space.build(first)?, at_start)?,
+            value: distance(&*model, value)?,
+            model,
             loss: value,
             stop,
             method: self.method.name(),

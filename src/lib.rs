@@ -1,5 +1,6 @@
 //! How different do two materials look? A trainer for perceptual BRDF metrics.
 
+pub mod cli;
 pub mod dataset;
 pub mod evaluation;
 pub mod experiment;

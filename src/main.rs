@@ -1,9 +1,7 @@
-//! The program: arguments, progress, exit codes.
-
-mod cli;
+//! The program `vernis`: all it does is in [`vernis::cli`].
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::run()
+    ExitCode::from(vernis::cli::run(std::env::args_os()))
 }

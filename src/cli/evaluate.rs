@@ -3,11 +3,11 @@
 use super::output::{self, Inputs, Replace, STANDARD};
 use super::table::{self, Table};
 use super::{Shared, print, to_standard, user_error, workspace};
+use crate::dataset::csv_table::{CsvTable, Expected, Others};
 use anyhow::{Context, Result};
 use clap::Args;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use vernis::dataset::csv_table::{CsvTable, Expected, Others};
 use vernis_metric::brdf::Brdf;
 use vernis_metric::io::{counted, number, shown};
 use vernis_metric::math::{Rgb, Vec3};

@@ -8,16 +8,16 @@ use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::scale::ScaleArgs;
 use super::{Shared, cells, limits, print, signals, user_error, workspace};
+use crate::dataset::{Study, manifest};
+use crate::experiment::BenchmarkOptions;
+use crate::experiment::losses::{Found, LossesOptions, losses};
+use crate::experiment::plan::Plan;
+use crate::experiment::rebuilt::{RebuiltOptions, Way, hypotheses, rebuilt};
+use crate::experiment::trials::{self, TrialOptions};
+use crate::report;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
-use vernis::dataset::{Study, manifest};
-use vernis::experiment::BenchmarkOptions;
-use vernis::experiment::losses::{Found, LossesOptions, losses};
-use vernis::experiment::plan::Plan;
-use vernis::experiment::rebuilt::{RebuiltOptions, Way, hypotheses, rebuilt};
-use vernis::experiment::trials::{self, TrialOptions};
-use vernis::report;
 use vernis_metric::metric::registry::Registry;
 
 /// Experiments.

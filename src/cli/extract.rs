@@ -4,13 +4,13 @@ use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::study_input::StudyInput;
 use super::{Shared, print, signals, user_error, workspace};
+use crate::dataset::Study;
+use crate::experiment::train;
+use crate::samples::extracted::{ExtractedStudy, Versions};
+use crate::samples::shard::Shard;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::Study;
-use vernis::experiment::train;
-use vernis::samples::extracted::{ExtractedStudy, Versions};
-use vernis::samples::shard::Shard;
 use vernis_metric::descriptor::Setup;
 use vernis_metric::io::counted;
 

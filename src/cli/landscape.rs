@@ -3,11 +3,11 @@
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::{Shared, limits, print, workspace};
+use crate::experiment::landscape::{LandscapeOptions, default_metrics, landscape};
+use crate::report;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::experiment::landscape::{LandscapeOptions, default_metrics, landscape};
-use vernis::report;
 use vernis_metric::descriptor::DescriptorOptions;
 use vernis_metric::metric::registry::Registry;
 

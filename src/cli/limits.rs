@@ -1,12 +1,12 @@
 //! The limits of arguments: each parser refuses what is out of range while arguments are read, before any work, and says what is
 //! allowed.
 
+use crate::evaluation::bootstrap::{MAX_RESAMPLES, MIN_RESAMPLES};
 use std::fmt::Display;
 use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
-use vernis::evaluation::bootstrap::{MAX_RESAMPLES, MIN_RESAMPLES};
 use vernis_metric::io::open_regular;
 
 /// Of cross-validation, by material.

@@ -47,9 +47,9 @@ use anyhow::Result;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Mutex;
 use vernis_metric::io::{for_terminal, one_line};
 
@@ -67,7 +67,7 @@ struct Cli {
 
 /// Options of every subcommand.
 #[derive(Args, Clone)]
-pub struct Shared {
+struct Shared {
     /// Folder with the input data (ratings, measured and fitted BRDFs) [default: that of the variable VERNIS_DATA].
     // Variables are read below: clap would show an option that a variable sets as one that the usage demands.
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
@@ -187,25 +187,27 @@ fn tell(text: &str) {
 }
 
 /// What the arguments cannot be, or the help that they ask for.
-fn usage(error: &clap::Error) -> ExitCode {
+fn usage(error: &clap::Error) -> u8 {
     if error.use_stderr() {
         // It repeats arguments as they were given.
         tell(&for_terminal(&error.render().to_string()));
-        return ExitCode::from(2);
+        return 2;
     }
     match error.print() {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             note(format_args!("vernis: standard output: {error}"));
-            ExitCode::from(1)
+            1
         }
-        _ => ExitCode::SUCCESS,
+        _ => 0,
     }
 }
 
-/// Parses the arguments, runs the subcommand, reports what went wrong in one message.
-pub fn run() -> ExitCode {
-    vernis::dataset::notice::listen(say_once);
-    let mut cli = match Cli::try_parse() {
+/// The whole program: parses the arguments, the name of the program first, runs the subcommand, reports what went wrong in one
+/// message, and returns the exit code. It writes to standard output and error, catches signals, and starts the worker threads of the
+/// process: it is meant to be called once.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    crate::dataset::notice::listen(say_once);
+    let mut cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
@@ -214,10 +216,10 @@ pub fn run() -> ExitCode {
         folder.take_if(|path| path.as_os_str().is_empty());
     }
     match dispatch(cli) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
             note(format_args!("vernis: {error:#}"));
-            ExitCode::from(exit_code(&error))
+            exit_code(&error)
         }
     }
 }

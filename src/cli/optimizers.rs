@@ -3,12 +3,12 @@
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::{Shared, limits, print, user_error, workspace};
+use crate::dataset::Study;
+use crate::experiment::optimizers::{OptimizerOptions, optimizers};
+use crate::report;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::Study;
-use vernis::experiment::optimizers::{OptimizerOptions, optimizers};
-use vernis::report;
 use vernis_metric::descriptor::DescriptorOptions;
 
 /// Files of a run.

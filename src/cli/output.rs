@@ -3,12 +3,12 @@
 
 use super::user_error;
 use super::view::View;
+use crate::report::OutputFolder;
 use anyhow::Result;
 use clap::Args;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use vernis::report::OutputFolder;
 use vernis_metric::brdf::BrdfSource;
 
 /// What stands for standard input or output in the place of a file.

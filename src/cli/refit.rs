@@ -6,14 +6,14 @@ use super::progress::Bar;
 use super::scale::ScaleArgs;
 use super::view::View;
 use super::{Shared, fit, print, signals, user_error, workspace};
+use crate::dataset::Study;
+use crate::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, file_name, refit};
+use crate::report::spreadsheet::cell;
+use crate::report::{OutputFolder, markdown};
 use anyhow::Result;
 use clap::Args;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use vernis::dataset::Study;
-use vernis::experiment::refit::{METHODS, Outcome, Refit, RefitOptions, file_name, refit};
-use vernis::report::spreadsheet::cell;
-use vernis::report::{OutputFolder, markdown};
 
 /// Rebuild the candidates of a study from its references.
 #[derive(Args)]

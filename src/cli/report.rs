@@ -3,13 +3,13 @@
 use super::output::{self, Replace};
 use super::study::{Ratings, RatingsArgs, describe, load};
 use super::{Shared, print, user_error};
+use crate::dataset::opinions::Scores;
+use crate::dataset::{DatasetError, Study, contradiction, manifest};
+use crate::evaluation::records::BenchmarkRecord;
+use crate::report::{self, Whole, pictures, write_whole};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::opinions::Scores;
-use vernis::dataset::{DatasetError, Study, contradiction, manifest};
-use vernis::evaluation::records::BenchmarkRecord;
-use vernis::report::{self, Whole, pictures, write_whole};
 use vernis_metric::io::read_at_most;
 use vernis_metric::light::source::Light;
 
@@ -151,7 +151,7 @@ fn read_benchmark(path: &Path) -> Result<BenchmarkRecord> {
 
 /// Of each probe, the shares of all of its energy up to the degree of the study's figure.
 #[cfg(feature = "train")]
-fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<vernis::report::figures::spectrum::Spectrum>> {
+fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<crate::report::figures::spectrum::Spectrum>> {
     use vernis_metric::light::source::ProbePicture;
     use vernis_metric::math::color::luminance;
     use vernis_metric::math::spherical_harmonics::{energy_by_degree, total_energy};
@@ -162,7 +162,7 @@ fn spectra(probes: &[(&str, PathBuf)]) -> Result<Vec<vernis::report::figures::sp
         let energy = energy_by_degree(probe.width, probe.height, DEGREE, at);
         let total = total_energy(probe.width, probe.height, at);
         let shares = energy.into_iter().map(|e| e / total).collect();
-        Ok(vernis::report::figures::spectrum::Spectrum { name: (*name).to_owned(), shares })
+        Ok(crate::report::figures::spectrum::Spectrum { name: (*name).to_owned(), shares })
     };
     probes.iter().map(spectrum).collect()
 }

@@ -1,7 +1,7 @@
 //! On which scale the ratings of a user's file are: what every command that takes a study asks in the same way.
 
+use crate::dataset::DeclaredScale;
 use clap::Args;
-use vernis::dataset::DeclaredScale;
 
 /// The scale of a file of ratings.
 #[derive(Args)]

@@ -1,11 +1,11 @@
 //! `--scores`: distances that somebody computed elsewhere, judged beside the metrics of vernis.
 
 use super::user_error;
+use crate::dataset::Study;
+use crate::experiment::external::ExternalScores;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::Study;
-use vernis::experiment::external::ExternalScores;
 
 /// A table of distances.
 #[derive(Args)]

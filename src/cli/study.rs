@@ -3,14 +3,14 @@
 use super::output::{self, Inputs, Replace};
 use super::scale::ScaleArgs;
 use super::{Shared, limits, note, print, user_error, workspace};
+use crate::dataset::opinions::StudyOpinions;
+use crate::dataset::{DatasetError, DeclaredScale, Study, contradiction, rating_differences, synthetic};
+use crate::panel::screening::Criterion;
+use crate::panel::{Options, StudyRecord, describe as study_of};
+use crate::report::study;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis::dataset::opinions::StudyOpinions;
-use vernis::dataset::{DatasetError, DeclaredScale, Study, contradiction, rating_differences, synthetic};
-use vernis::panel::screening::Criterion;
-use vernis::panel::{Options, StudyRecord, describe as study_of};
-use vernis::report::study;
 
 /// The study that is used where the data folder has its ratings.
 const HUMAN_STUDY: &str = "lavoue2021";

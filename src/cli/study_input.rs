@@ -4,10 +4,10 @@ use super::output::Inputs;
 use super::scale::ScaleArgs;
 use super::view::View;
 use super::{Shared, note, user_error};
+use crate::dataset::{DatasetError, Study, manifest, synthetic};
 use anyhow::Result;
 use clap::Args;
 use std::path::Path;
-use vernis::dataset::{DatasetError, Study, manifest, synthetic};
 use vernis_metric::io::counted;
 
 /// Which study, and under which lights.

@@ -2,9 +2,9 @@
 
 use super::output::STANDARD;
 use super::user_error;
+use crate::dataset::csv_table::{CsvTable, MOST_BYTES};
 use anyhow::Result;
 use std::path::{Path, PathBuf};
-use vernis::dataset::csv_table::{CsvTable, MOST_BYTES};
 use vernis_metric::io::{read_at_most, read_stream_at_most, shown};
 
 /// Its bytes, and what it is called in messages.

@@ -3,12 +3,12 @@
 use super::output::Inputs;
 use super::view::View;
 use super::{Shared, user_error, warning};
+#[cfg(feature = "train")]
+use crate::experiment::ExperimentError;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-#[cfg(feature = "train")]
-use vernis::experiment::ExperimentError;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
 use vernis_metric::metric::learned::{self, LearnedMetric};
@@ -114,13 +114,7 @@ pub fn one_metric(name: &str, options: &DescriptorOptions) -> Result<Arc<dyn Met
 
 /// The folder for what was computed before.
 pub fn cache_folder(shared: &Shared) -> PathBuf {
-    let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    let base = || variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")));
-    match (&shared.cache, base()) {
-        (Some(folder), _) => folder.clone(),
-        (None, Some(base)) => base.join("vernis"),
-        (None, None) => PathBuf::from(".vernis-cache"),
-    }
+    shared.cache.clone().unwrap_or_else(Cache::user_folder)
 }
 
 /// Opens the cache. A folder that cannot be used costs time, not results: a warning, unless the user named it.

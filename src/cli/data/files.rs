@@ -1,15 +1,15 @@
 //! `vernis data fetch` and `vernis data verify`: the pinned files of a study.
 
 use super::super::{Shared, print, user_error};
+use crate::dataset::fetch::{self, Mirror, Outcome, Transfer};
+use crate::dataset::manifest::{Manifest, NAMES, PinnedFile};
+use crate::dataset::verify::{Checked, FileState};
+use crate::dataset::{DatasetError, Study, synthetic};
 use anyhow::Result;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 use std::time::Duration;
-use vernis::dataset::fetch::{self, Mirror, Outcome, Transfer};
-use vernis::dataset::manifest::{Manifest, NAMES, PinnedFile};
-use vernis::dataset::verify::{Checked, FileState};
-use vernis::dataset::{DatasetError, Study, synthetic};
 use vernis_metric::io::one_line;
 
 #[derive(Args)]

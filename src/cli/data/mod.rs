@@ -4,9 +4,9 @@ mod convert;
 mod files;
 
 use super::{Shared, print};
+use crate::dataset::inventory::{FileState, StudyStatus, inventory};
 use anyhow::Result;
 use clap::{Args, Subcommand};
-use vernis::dataset::inventory::{FileState, StudyStatus, inventory};
 use vernis_metric::io::counted;
 
 /// Studies and the files they need.

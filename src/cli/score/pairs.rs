@@ -2,11 +2,11 @@
 
 use super::super::table::{self, Table};
 use super::super::user_error;
+use crate::dataset::csv_study::source_beside;
+use crate::dataset::csv_table::{CsvTable, Expected, Others};
 use anyhow::Result;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vernis::dataset::csv_study::source_beside;
-use vernis::dataset::csv_table::{CsvTable, Expected, Others};
 use vernis_metric::brdf::formats::materials;
 use vernis_metric::brdf::{BrdfError, BrdfSource};
 

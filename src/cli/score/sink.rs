@@ -2,13 +2,13 @@
 
 use super::super::{to_standard, user_error};
 use super::work::Found;
+use crate::report::spreadsheet::cell;
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vernis::report::spreadsheet::cell;
 use vernis_metric::io::write_atomically;
 use vernis_metric::metric::{Metric, learned};
 

@@ -56,6 +56,14 @@ impl Cache {
         Ok(cache)
     }
 
+    /// Where the cache lies unless somebody says otherwise: `$XDG_CACHE_HOME/vernis`, `~/.cache/vernis`, or `.vernis-cache` in the
+    /// current folder where neither variable is set.
+    pub fn user_folder() -> PathBuf {
+        let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+        let base = variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")));
+        base.map_or_else(|| PathBuf::from(".vernis-cache"), |base| base.join("vernis"))
+    }
+
     /// Removes what runs that were killed have left half-written.
     fn sweep_up(&self) {
         for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {

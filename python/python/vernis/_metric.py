@@ -1,0 +1,476 @@
+"""Metrics: distances between BRDFs, and their gradients."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+
+from . import _arrays, _vernis
+from ._brdf import Brdf, BrdfLike, as_brdf, figure
+from ._errors import InputError
+from ._progress import ProgressLike, reporter
+
+__all__ = ["Metric", "Nodes", "Prepared", "Score", "compare", "metric", "metrics", "score"]
+
+#: The metric that is used where none is named.
+DEFAULT = "vernis"
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a metric says of a pair.
+
+    Attributes
+    ----------
+    distance : float
+        0 for identical BRDFs, larger is worse, in the unit of the metric.
+    mos : float or None
+        The mean opinion score that a metric learned from ratings predicts, 1 (very poor) to 5 (excellent) unless `scale` says otherwise.
+    low, high : float or None
+        Ends of its 95 % interval.
+    scale : tuple of float or None
+        Worst and best end of the scale of `mos`.
+    channels : tuple of float or None
+        The distances of red, green and blue alone, for metrics that have them.
+    """
+
+    distance: float
+    mos: float | None = None
+    low: float | None = None
+    high: float | None = None
+    scale: tuple[float, float] | None = None
+    channels: tuple[float, float, float] | None = None
+    _pair: tuple[Brdf, Brdf] | None = None
+
+    def __float__(self) -> float:
+        return self.distance
+
+    def __repr__(self) -> str:
+        if self.mos is None:
+            return f"Score(distance={self.distance!r})"
+        return f"Score(distance={self.distance!r}, mos={self.mos!r}, low={self.low!r}, high={self.high!r})"
+
+    def _repr_html_(self) -> str:
+        said = f"distance {self.distance:.4f}"
+        if self.mos is not None and self.scale is not None:
+            said += f", predicted MOS {self.mos:.2f} of {self.scale[1]:g}, 95 % between {self.low:.2f} and {self.high:.2f}"
+        return (figure(list(self._pair)) if self._pair else "") + f"<div>{said}</div>"
+
+    @classmethod
+    def _of(cls, parts: Any, pair: tuple[Brdf, Brdf] | None = None) -> Score:
+        distance, score, channels = parts
+        channels = None if channels is None else tuple(channels)
+        if score is None:
+            return cls(distance, channels=channels, _pair=pair)
+        mos, low, high, worst, best = score
+        return cls(distance, mos, low, high, (worst, best), channels, pair)
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """The directions at which a metric looks at a BRDF.
+
+    Attributes
+    ----------
+    wi, wo : ndarray of float64, shape (n, 3)
+        Unit vectors towards the light and towards the viewer, +z being the normal. Read only.
+    id : str
+        Name of the layout. Values for one id fit every metric with nodes of that id.
+    """
+
+    wi: _arrays.Floats
+    wo: _arrays.Floats
+    id: str
+
+    def __len__(self) -> int:
+        return len(self.wi)
+
+
+class Prepared:
+    """A metric with its reference: what a fit or an optimiser asks again and again. Made by `Metric.prepare`."""
+
+    __slots__ = ("_handle", "_nodes", "metric", "reference")
+
+    def __init__(self, metric: Metric, reference: Brdf) -> None:
+        self.metric = metric
+        self.reference = reference
+        self._handle = metric._handle.prepare(reference._handle)
+        self._nodes: Nodes | None = None
+
+    @property
+    def nodes(self) -> Nodes:
+        """The directions at which the metric looks, in the order of the values that it takes.
+
+        Raises
+        ------
+        InputError
+            The metric cannot work on values.
+        """
+        if self._nodes is None:
+            name, wi, wo = self._handle.node_directions()
+            for array in (wi, wo):
+                array.flags.writeable = False
+            self._nodes = Nodes(wi, wo, name)
+        return self._nodes
+
+    def evaluate(self, brdf: BrdfLike) -> _arrays.Floats:
+        """The values of a BRDF on the nodes, as the metric reads it: shape (n, 3), NaN for missing measurements."""
+        return self._handle.evaluate(as_brdf(brdf, "brdf")._handle)
+
+    def distance(self, candidate: BrdfLike) -> float:
+        """The distance to a candidate.
+
+        Parameters
+        ----------
+        candidate : Brdf, str, function, or array_like of shape (n, 3)
+            A BRDF, or its values on `nodes`: linear RGB, 1/sr, cosine not included.
+
+        Raises
+        ------
+        InputError
+            A candidate that cannot be compared; values that are negative or not finite, or too many or too few.
+        """
+        if _is_values(candidate):
+            return self._handle.distance_at(self._one(candidate))
+        return self.score(candidate).distance
+
+    def score(self, candidate: BrdfLike) -> Score:
+        """All that the metric says of a candidate."""
+        candidate = as_brdf(candidate, "candidate")
+        return Score._of(self._handle.measure(candidate._handle), (self.reference, candidate))
+
+    def distances(self, values: Any, progress: ProgressLike = None) -> _arrays.Floats:
+        """The distances to a batch of candidates, on all cores.
+
+        Parameters
+        ----------
+        values : array_like, shape (batch, n, 3)
+            Values on `nodes`.
+        progress : bool or callable, optional
+            True for a bar of tqdm, or a function (stage, done, total).
+
+        Returns
+        -------
+        ndarray of float64, shape (batch,)
+        """
+        batch = _arrays.values(values, self._node_count())
+        if batch.ndim != 3:
+            raise InputError(f"values has the shape {batch.shape}; a batch has three axes, (batch, {batch.shape[0]}, 3)")
+        with reporter(progress) as report:
+            return np.array(self._handle.distances_at(batch, report), dtype=np.float64)
+
+    def value_and_grad(self, values: Any, as_loss: bool = False) -> tuple[float, _arrays.Floats]:
+        """The distance to a candidate, and its derivatives by the candidate's values.
+
+        Parameters
+        ----------
+        values : array_like, shape (n, 3)
+            Values on `nodes`: linear RGB, 1/sr, cosine not included, finite and not negative.
+        as_loss : bool
+            What a fit minimises in place of the distance. For metrics learned from ratings it is smoother, and it goes below zero
+            where a candidate is predicted to be rated better than the reference itself; for others it is the distance.
+
+        Returns
+        -------
+        value : float
+            In the unit of the metric.
+        gradient : ndarray of float64, shape (n, 3)
+            Always finite, also where the distance is zero.
+
+        Raises
+        ------
+        InputError
+            The metric has no gradient; wrong values.
+        """
+        return self._handle.value_and_grad(self._one(values), as_loss)
+
+    def _node_count(self) -> int:
+        return self._handle.node_count()[1]
+
+    def _one(self, values: Any) -> _arrays.Floats:
+        array = _arrays.values(values, self._node_count())
+        if array.ndim != 2:
+            raise InputError(f"values has the shape {array.shape}; it must be that of one candidate, {array.shape[1:]}")
+        return array
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Prepared, (self.metric, self.reference)
+
+    def __repr__(self) -> str:
+        return f"<vernis.Prepared {self.metric.name} against {self.reference.name}>"
+
+
+def _is_values(candidate: Any) -> bool:
+    return isinstance(candidate, (np.ndarray, list, tuple))
+
+
+class Metric:
+    """A distance from a reference to a candidate: exactly zero for identical BRDFs, larger is worse, never NaN. Made by `metric`.
+
+    Calling it gives the distance.
+    """
+
+    __slots__ = ("_handle", "_properties", "_source")
+
+    def __init__(self, name: str) -> None:
+        self._source = name
+        self._handle, said = _vernis.Metric.named(name, _vernis.cache_folder())
+        self._properties = self._handle.properties
+        for line in said:
+            warnings.warn(line, stacklevel=3)
+
+    @property
+    def name(self) -> str:
+        """The name in lists and results."""
+        return self._properties["name"]
+
+    @property
+    def version(self) -> str:
+        """The version of its numbers. Quote it with any of them."""
+        return self._properties["version"]
+
+    @property
+    def unit(self) -> str:
+        """The unit of the distance, ``"1"`` where it has none."""
+        return self._properties["unit"]
+
+    @property
+    def lower_is_better(self) -> bool:
+        """True: every metric here is a distance."""
+        return True
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether reference and candidate may be exchanged."""
+        return self._properties["symmetric"]
+
+    @property
+    def differentiable(self) -> bool:
+        """Whether `Prepared.value_and_grad` works."""
+        return self._properties["differentiable"]
+
+    @property
+    def usable_as_loss(self) -> bool:
+        """Whether it can drive a fit."""
+        return self._properties["usable_as_loss"]
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether it was learned from simulated observers: its numbers then say nothing about people."""
+        return self._properties["synthetic"]
+
+    @property
+    def summary(self) -> str:
+        """One line on what it is."""
+        return self._properties["summary"]
+
+    @property
+    def source(self) -> str:
+        """Paper, equation, DOI."""
+        return self._properties["source"]
+
+    def quote(self) -> str:
+        """What to write beside a number of this metric, so that it can be made again."""
+        synthetic = ", trained on SYNTHETIC observers" if self.synthetic else ""
+        return f"{self.name} {self.version}{synthetic}; {self.source}; computed by vernis {_vernis.__version__}"
+
+    def __call__(self, reference: BrdfLike, candidate: BrdfLike) -> float:
+        """The distance. Any of the two is a notation, a Brdf, or a function (wi, wo) -> values."""
+        reference, candidate = as_brdf(reference, "reference"), as_brdf(candidate, "candidate")
+        return self._handle.distance(reference._handle, candidate._handle)
+
+    def score(self, reference: BrdfLike, candidate: BrdfLike) -> Score:
+        """All that the metric says of a pair: for learned metrics also the predicted mean opinion score and its interval."""
+        pair = as_brdf(reference, "reference"), as_brdf(candidate, "candidate")
+        return Score._of(self._handle.measure(pair[0]._handle, pair[1]._handle), pair)
+
+    def prepare(self, reference: BrdfLike) -> Prepared:
+        """Pays for the reference once. The result owns all it needs, and pickles where the reference was opened or is a model."""
+        return Prepared(self, as_brdf(reference, "reference"))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return metric, (self._source,)
+
+    def __repr__(self) -> str:
+        return f"<vernis.Metric {self.name} {self.version}: {self.summary}>"
+
+
+#: What stands for a metric wherever one is asked for.
+MetricLike = Union[str, "os.PathLike[str]", Metric]
+
+
+def metric(name: MetricLike) -> Metric:
+    """A metric by name, or from the file of an exported one.
+
+    Parameters
+    ----------
+    name : str or path
+        One of `metrics`, a member of a family such as ``"energy[alpha=0.05]"``, or the path of a ``.vernis.json`` file.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such metric; ``nearest`` has those that are similar.
+    """
+    if isinstance(name, Metric):
+        return name
+    if not isinstance(name, (str, os.PathLike)):
+        raise InputError(f"metric is a {type(name).__name__}; it must be a name, a path, or a Metric")
+    return Metric(os.fspath(name))
+
+
+def metrics() -> dict[str, dict[str, Any]]:
+    """All metrics that have a name of their own, each with version, family, unit, summary, source, and what it can do."""
+    return {properties["name"]: dict(properties) for properties in _vernis.metrics()}
+
+
+def _chosen(names: MetricLike | Iterable[MetricLike]) -> list[Metric]:
+    names = [names] if isinstance(names, (str, os.PathLike, Metric)) else list(names)
+    found: dict[str, Metric] = {}
+    for name in names:
+        is_name = isinstance(name, str) and not name.endswith(".json")
+        members = _vernis.resolve(name) if is_name else [name]
+        for one in map(metric, members):
+            found.setdefault(one.name, one)
+    if not found:
+        raise InputError("metrics is empty; name at least one")
+    return list(found.values())
+
+
+def compare(
+    reference: BrdfLike,
+    candidate: BrdfLike,
+    metrics: MetricLike | Iterable[MetricLike] = DEFAULT,
+    data: Any = None,
+) -> dict[str, float]:
+    """The distances of a pair under any number of metrics.
+
+    Parameters
+    ----------
+    reference, candidate : str, Brdf or function
+        Notations, BRDFs, or functions (wi, wo) -> values.
+    metrics : str, Metric, or several
+        ``"all-lp"`` stands for the 36 of the study.
+    data : path, optional
+        Folder that relative notations are looked up in.
+
+    Returns
+    -------
+    dict of str to float
+        Names of metrics and distances, in the order of `metrics`.
+    """
+    pair = as_brdf(reference, "reference", data), as_brdf(candidate, "candidate", data)
+    chosen = _chosen(metrics)
+    [(found, reason)] = _vernis.distances([m._handle for m in chosen], [(pair[0]._handle, pair[1]._handle)], None)
+    if reason is not None:
+        raise InputError(reason)
+    return {m.name: parts[0] for m, parts in zip(chosen, found)}
+
+
+def score(
+    rows: Any,
+    metrics: MetricLike | Iterable[MetricLike] = DEFAULT,
+    *,
+    reference: str = "reference",
+    candidate: str = "candidate",
+    errors: str = "raise",
+    data: Any = None,
+    progress: ProgressLike = None,
+) -> dict[str, Any]:
+    """Scores many pairs on all cores.
+
+    Parameters
+    ----------
+    rows : iterable of (reference, candidate), dict of columns, or a pandas or polars frame
+        Each entry is a notation, a Brdf, or a function.
+    metrics : str, Metric, or several
+    reference, candidate : str
+        Names of the two columns, where `rows` has columns.
+    errors : {"raise", "nan"}
+        What to do with a pair that cannot be compared: raise, or give NaN and the reason in the column ``"reason"``.
+    data : path, optional
+        Folder that relative notations are looked up in.
+    progress : bool or callable, optional
+        True for a bar of tqdm, or a function (stage, done, total).
+
+    Returns
+    -------
+    dict of str to ndarray of float64
+        One column a metric, in the order of `rows`; for learned metrics also ``mos``, ``mos_low`` and ``mos_high``, with
+        ``:NAME`` behind them for all but the first. ``pandas.DataFrame(result)`` and ``polars.DataFrame(result)`` take it as it is.
+    """
+    if errors not in ("raise", "nan"):
+        raise InputError(f"errors is {errors!r}; it must be 'raise' or 'nan'")
+    pairs = _pairs(rows, reference, candidate)
+    chosen = _chosen(metrics)
+    opened: dict[Any, Brdf | str] = {}
+
+    def open_once(source: Any, row: int, what: str) -> Brdf | str:
+        key = os.fspath(source) if isinstance(source, (str, os.PathLike)) else id(source)
+        if key not in opened:
+            try:
+                opened[key] = as_brdf(source, what, data)
+            except Exception as error:
+                if errors == "raise":
+                    error.add_note(f"row {row} of the pairs") if hasattr(error, "add_note") else None
+                    raise
+                opened[key] = str(error)
+        return opened[key]
+
+    ready, reasons = [], [""] * len(pairs)
+    for row, (a, b) in enumerate(pairs):
+        a, b = open_once(a, row, f"row {row}: {reference}"), open_once(b, row, f"row {row}: {candidate}")
+        if isinstance(a, Brdf) and isinstance(b, Brdf):
+            ready.append((row, a, b))
+        else:
+            reasons[row] = a if isinstance(a, str) else str(b)
+    with reporter(progress) as report:
+        found = _vernis.distances([m._handle for m in chosen], [(a._handle, b._handle) for _, a, b in ready], report)
+    columns: dict[str, Any] = {m.name: np.full(len(pairs), np.nan) for m in chosen}
+    for (row, _, _), (measured, reason) in zip(ready, found):
+        if reason is not None:
+            if errors == "raise":
+                raise InputError(f"row {row} of the pairs: {reason}")
+            reasons[row] = reason
+            continue
+        scored = 0
+        for m, (value, predicted, _) in zip(chosen, measured):
+            columns[m.name][row] = value
+            if predicted is not None:
+                suffix = f":{m.name}" if scored else ""
+                scored += 1
+                for name, number in zip(("mos", "mos_low", "mos_high"), predicted):
+                    columns.setdefault(name + suffix, np.full(len(pairs), np.nan))[row] = number
+    if errors == "nan":
+        columns["reason"] = np.array(reasons, dtype=object)
+    return columns
+
+
+def _pairs(rows: Any, reference: str, candidate: str) -> list[tuple[Any, Any]]:
+    """The pairs of rows, of a dict of columns, or of a frame."""
+    names = getattr(rows, "columns", None)
+    if isinstance(rows, Mapping) or names is not None:
+        names = list(rows) if isinstance(rows, Mapping) else [str(name) for name in names]
+        for name in (reference, candidate):
+            if name not in names:
+                raise InputError(f"rows has no column {name!r}; its columns are {', '.join(map(str, names))}")
+        columns = [list(rows[name]) for name in (reference, candidate)]
+        if len(columns[0]) != len(columns[1]):
+            raise InputError(f"the columns {reference!r} and {candidate!r} have {len(columns[0])} and {len(columns[1])} rows")
+        return list(zip(*columns))
+    pairs = []
+    for place, row in enumerate(rows):
+        if isinstance(row, Mapping):
+            if reference not in row or candidate not in row:
+                raise InputError(f"row {place} has no {reference!r} or no {candidate!r}")
+            pairs.append((row[reference], row[candidate]))
+            continue
+        if isinstance(row, str) or not hasattr(row, "__len__") or len(row) != 2:
+            raise InputError(f"row {place} is {row!r}; it must be a pair (reference, candidate), or a dict with both")
+        pairs.append((row[0], row[1]))
+    return pairs

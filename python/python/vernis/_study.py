@@ -1,0 +1,155 @@
+"""Studies: metrics trained on ratings, and benchmarks of metrics."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from . import _vernis
+from ._brdf import data_folder
+from ._errors import InputError
+from ._fit import _whole
+from ._metric import Metric, metric
+from ._progress import ProgressLike, reporter
+
+__all__ = ["Benchmark", "Trained", "benchmark", "train"]
+
+
+class Benchmark:
+    """How well metrics agree with the ratings of a study, measured on materials and methods that they were not trained on.
+
+    Attributes
+    ----------
+    record : dict
+        All that was measured, as in the program's ``benchmark.json``.
+    """
+
+    __slots__ = ("_summary", "record")
+
+    def __init__(self, record: str, summary: str) -> None:
+        self.record: dict[str, Any] = json.loads(record)
+        self._summary = summary
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the ratings came from simulated observers: the agreement then says nothing about people."""
+        return bool(self.record["synthetic"])
+
+    def __str__(self) -> str:
+        label = "SYNTHETIC: these ratings come from simulated observers and say nothing about people.\n" if self.synthetic else ""
+        return self._summary + label
+
+    def __repr__(self) -> str:
+        return f"<vernis.Benchmark of {self.record['study']}>"
+
+
+class Trained:
+    """The result of `train`.
+
+    Attributes
+    ----------
+    metric : Metric
+        The metric, trained on all rows.
+    loss : Metric
+        The distance that it begins with: the one to fit with.
+    agreement : Benchmark
+        How well the recipe agrees with people, on held-out rows.
+    path, loss_path : Path
+        The files of the two.
+    """
+
+    __slots__ = ("agreement", "loss", "loss_path", "metric", "path")
+
+    def __init__(self, path: Path, loss_path: Path, agreement: Benchmark) -> None:
+        self.path, self.loss_path, self.agreement = path, loss_path, agreement
+        self.metric: Metric = metric(path)
+        self.loss: Metric = metric(loss_path)
+
+    def __repr__(self) -> str:
+        return f"<vernis.Trained {self.metric.name} on {self.agreement.record['study']}: {self.path}>"
+
+
+def train(
+    study: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] = "out",
+    *,
+    name: str | None = None,
+    folds: int | None = None,
+    resamples: int = 2000,
+    seed: int = 1,
+    variants: bool = False,
+    data: Any = None,
+    progress: ProgressLike = None,
+) -> Trained:
+    """Trains a metric on a study, and measures it under nested cross-validation.
+
+    Parameters
+    ----------
+    study : str or path, optional
+        ``"lavoue2021-open"``, ``"synthetic"``, or a CSV file of one's own ratings; by default the open study where the data folder has
+        it, else the embedded synthetic one.
+    out : path
+        Folder for the two metric files and ``benchmark.json``; it is made where it is missing. Files of these names are replaced.
+    name : str, optional
+        Of the exported metric.
+    folds : int, optional
+        Cross-validation folds, by material.
+    resamples : int
+        Bootstrap resamples of materials, 40 to 20000.
+    seed : int
+        The same seed gives the same bytes.
+    variants : bool
+        Also judge the metric with one part changed.
+    data : path, optional
+        The data folder; by default that of the variable ``VERNIS_DATA``.
+    progress : bool or callable, optional
+        True for a bar of tqdm, or a function (stage, done, total).
+
+    Returns
+    -------
+    Trained
+    """
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"out is {folder}, where no folder can be made: {error}") from error
+    with reporter(progress) as report:
+        found = _vernis.train(_options(study, name, folds, resamples, seed, variants, data), report)
+    path, loss_path = (folder / f"{stem}.vernis.json" for stem in (found.name, found.loss_name))
+    path.write_text(found.metric, encoding="utf-8")
+    loss_path.write_text(found.loss, encoding="utf-8")
+    (folder / "benchmark.json").write_text(found.record, encoding="utf-8")
+    return Trained(path, loss_path, Benchmark(found.record, found.summary))
+
+
+def benchmark(
+    study: str | os.PathLike[str] | None = None,
+    *,
+    folds: int | None = None,
+    resamples: int = 2000,
+    seed: int = 1,
+    variants: bool = False,
+    data: Any = None,
+    progress: ProgressLike = None,
+) -> Benchmark:
+    """Measures all metrics on a study under nested cross-validation, without exporting one. Parameters as for `train`."""
+    with reporter(progress) as report:
+        return Benchmark(*_vernis.benchmark(_options(study, None, folds, resamples, seed, variants, data), report))
+
+
+def _options(
+    study: Any, name: str | None, folds: int | None, resamples: int, seed: int, variants: bool, data: Any
+) -> dict[str, Any]:
+    return {
+        "study": None if study is None else os.fspath(study),
+        "data": data_folder(data),
+        "cache": _vernis.cache_folder(),
+        "name": name,
+        "folds": None if folds is None else _whole(folds, "folds", 2, 10**6),
+        "resamples": _whole(resamples, "resamples", 40, 20000),
+        "seed": _whole(seed, "seed", 0, 2**64 - 1),
+        "variants": bool(variants),
+    }

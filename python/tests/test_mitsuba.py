@@ -1,0 +1,122 @@
+"""The bridges to Mitsuba 3 and Dr.Jit, with the real packages. They need an LLVM of version 15 or later beside them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed")
+
+
+def _llvm_works() -> bool:
+    """In a process of its own: an LLVM that is too old aborts."""
+    code = (
+        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr\n"
+        "x = dr.arange(mi.Float, 3); assert dr.sum(dr.maximum(x, mi.Float(1)))[0] == 4"
+    )
+    return subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
+
+
+if not _llvm_works():
+    pytest.skip("no LLVM that Dr.Jit can use", allow_module_level=True)
+
+mi.set_variant("llvm_ad_rgb")
+
+import drjit as dr  # noqa: E402
+
+import vernis  # noqa: E402
+import vernis.drjit  # noqa: E402
+import vernis.mitsuba  # noqa: E402
+
+ETA, K = [0.2, 0.5, 1.3], [3.9, 2.4, 1.8]
+
+
+def rgb(value: list[float]) -> dict:
+    return {"type": "rgb", "value": value}
+
+
+def test_a_rough_conductor_is_the_model_of_the_same_name() -> None:
+    theirs = vernis.mitsuba.brdf({"type": "roughconductor", "distribution": "ggx", "alpha": 0.2, "eta": rgb(ETA), "k": rgb(K)})
+    ours = vernis.model("ggx-conductor", kd=0, eta=ETA, k=K, alpha=0.2)
+    wi, wo = vernis.Grid.standard(9, 9, 12).directions()
+    np.testing.assert_allclose(theirs(wi, wo), ours(wi, wo), rtol=1e-5)
+    assert vernis.metric("vernis-loss")(ours, theirs) < 1e-4
+
+
+def test_the_light_and_the_viewer_are_not_exchanged() -> None:
+    """The principled BSDF of Mitsuba is not reciprocal enough to hide an exchange in its diffuse part; a cosine is never left in."""
+    bsdf = {"type": "diffuse", "reflectance": rgb([0.5, 0.25, 0.125])}
+    wi, wo = vernis.Grid.standard(9, 9, 12).directions()
+    np.testing.assert_allclose(vernis.mitsuba.brdf(bsdf)(wi, wo), np.tile([0.5, 0.25, 0.125], (len(wi), 1)) / np.pi, rtol=1e-5)
+
+
+def test_xml_and_objects_are_sources_too() -> None:
+    xml = '<bsdf version="3.0.0" type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>'
+    up = [0.0, 0.0, 1.0]
+    for source in (xml, mi.load_string(xml)):
+        np.testing.assert_allclose(vernis.mitsuba.brdf(source)(up, up), [0.5 / np.pi] * 3, rtol=1e-5)
+    with pytest.raises(vernis.InputError, match="BSDF"):
+        vernis.mitsuba.brdf(3)
+
+
+def test_measured_is_what_the_own_reader_reads(data) -> None:
+    path = sorted((data / "rgl").glob("*_rgb.bsdf"))[0]
+    theirs, ours = vernis.mitsuba.brdf({"type": "measured", "filename": str(path)}), vernis.open(path)
+    other = vernis.model("ggx", kd=[0.05, 0.05, 0.05], f0=0.04, alpha=0.2)
+    for name in ("vernis", "vernis-loss", "D4.Cl.CR"):
+        metric = vernis.metric(name)
+        assert metric(other, theirs) == pytest.approx(metric(other, ours), rel=1e-3)
+        assert metric(theirs, other) == pytest.approx(metric(ours, other), rel=1e-3)
+
+
+def test_a_principled_bsdf_is_fitted_to_a_target() -> None:
+    target = {"type": "principled", "base_color": rgb([0.6, 0.3, 0.1]), "roughness": 0.32, "specular": 0.5}
+    distance = vernis.drjit.Distance("vernis-loss", vernis.mitsuba.brdf(target))
+    bsdf = mi.load_dict({**target, "base_color": rgb([0.4, 0.4, 0.4]), "roughness": 0.5})
+    parameters = mi.traverse(bsdf)
+    optimizer = mi.ad.Adam(lr=0.03)
+    for name in ("base_color.value", "roughness.value"):
+        optimizer[name] = parameters[name]
+    best = (np.inf, None, None)
+    for step in range(70):
+        optimizer["roughness.value"] = dr.clip(optimizer["roughness.value"], 0.05, 1.0)
+        optimizer["base_color.value"] = dr.clip(optimizer["base_color.value"], 0.01, 1.0)
+        parameters.update(optimizer)
+        loss = distance(bsdf)
+        if loss[0] < best[0]:
+            best = (loss[0], optimizer["roughness.value"][0], np.array(optimizer["base_color.value"]).ravel())
+        dr.backward(loss)
+        optimizer.step()
+        optimizer.set_learning_rate(0.03 * 0.96**step)
+    assert best[1] == pytest.approx(0.32, abs=0.01)
+    np.testing.assert_allclose(best[2], [0.6, 0.3, 0.1], atol=0.01)
+
+
+def test_both_modes_of_differentiation_agree() -> None:
+    distance = vernis.drjit.Distance("vernis-loss", vernis.model("ggx", kd=0.2, f0=0.04, alpha=0.2))
+    base = distance.prepared.evaluate(vernis.model("ggx", kd=0.1, f0=0.04, alpha=0.3))
+    value, gradient = distance.prepared.value_and_grad(base.astype(np.float32))
+
+    def scaled(factor):
+        return mi.Color3f(*(mi.Float(np.ascontiguousarray(base[:, c])) * factor for c in range(3)))
+
+    for mode in ("forward", "backward"):
+        factor = mi.Float(1.0)
+        dr.enable_grad(factor)
+        found = distance(scaled(factor))
+        assert found[0] == pytest.approx(value, rel=1e-5)
+        slope = dr.forward_to(found) if mode == "forward" and dr.set_grad(factor, 1.0) is None else None
+        if mode == "backward":
+            dr.backward(found)
+            slope = dr.grad(factor)
+        assert slope[0] == pytest.approx(float(np.sum(gradient * base)), rel=1e-3)
+
+
+def test_wrong_values_are_refused() -> None:
+    distance = vernis.drjit.Distance("vernis-loss", vernis.model("lambert", kd=0.2))
+    for wrong in (3, mi.Float([1.0, 2.0]), mi.Color3f(0.1)):
+        with pytest.raises(vernis.InputError):
+            distance(wrong)

@@ -25,11 +25,11 @@ if not _llvm_works():
 
 mi.set_variant("llvm_ad_rgb")
 
-import drjit as dr  # noqa: E402
+import drjit as dr
 
-import vernis  # noqa: E402
-import vernis.drjit  # noqa: E402
-import vernis.mitsuba  # noqa: E402
+import vernis
+import vernis.drjit
+import vernis.mitsuba
 
 ETA, K = [0.2, 0.5, 1.3], [3.9, 2.4, 1.8]
 

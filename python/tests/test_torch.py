@@ -7,8 +7,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-import vernis  # noqa: E402
-import vernis.torch  # noqa: E402
+import vernis
+import vernis.torch
 
 DOUBLE = torch.float64
 

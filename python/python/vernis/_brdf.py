@@ -105,11 +105,16 @@ class Brdf:
 
     __slots__ = ("_data", "_handle", "_name", "notation")
 
+    notation: str | None
+    _data: Any
+    _handle: _vernis.Brdf
+    _name: str
+
     def __init__(self) -> None:
         raise TypeError("a Brdf is made by vernis.open, vernis.model, vernis.Table or Brdf.from_function")
 
     @classmethod
-    def _of(cls, handle: Any, name: str, notation: str | None = None, data: Any = None) -> Brdf:
+    def _of(cls, handle: _vernis.Brdf, name: str, notation: str | None = None, data: Any = None) -> Brdf:
         brdf = object.__new__(Brdf)
         brdf._handle, brdf._name, brdf.notation, brdf._data = handle, name, notation, data
         return brdf
@@ -136,15 +141,15 @@ class Brdf:
         """
         if not callable(function):
             raise InputError(f"function is a {type(function).__name__}; it must be callable")
-        name = name or getattr(function, "__name__", type(function).__name__)
+        called = str(name or getattr(function, "__name__", type(function).__name__))
 
         def values(wi: _arrays.Floats, wo: _arrays.Floats) -> _arrays.Floats:
-            found = _arrays.real(function(wi, wo), f"what {name} returned")
+            found = _arrays.real(function(wi, wo), f"what {called} returned")
             if found.shape != wi.shape:
-                raise InputError(f"{name} returned the shape {found.shape} for directions of shape {wi.shape}; it must be the same")
+                raise InputError(f"{called} returned the shape {found.shape} for directions of shape {wi.shape}; it must be the same")
             return np.ascontiguousarray(found, dtype=np.float64)
 
-        return cls._of(_vernis.Brdf.function(values, signed), name)
+        return cls._of(_vernis.Brdf.function(values, signed), called)
 
     def __call__(self, wi: Any, wo: Any) -> _arrays.Floats:
         """Values at pairs of directions.
@@ -189,7 +194,10 @@ class Brdf:
     def grid(self) -> Grid | None:
         """The grid of the table; None for what is no table."""
         found = self._handle.grid
-        return None if found is None else Grid(found[0], tuple(found[1]), found[2])
+        if found is None:
+            return None
+        kind, (a, b, c), anchor = found
+        return Grid(kind, (a, b, c), anchor)
 
     @property
     def description(self) -> str | None:
@@ -374,7 +382,7 @@ def models() -> list[Model]:
     return [Model(name, tuple(Parameter(**p) for p in parameters)) for name, parameters in _vernis.models()]
 
 
-def Table(values: Any, grid: Grid, valid: Any = None) -> Brdf:  # noqa: N802 - it makes one, as a class does
+def Table(values: Any, grid: Grid, valid: Any = None) -> Brdf:
     """A BRDF from a table.
 
     Parameters

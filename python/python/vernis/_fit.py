@@ -153,7 +153,7 @@ def fit(
     if isinstance(start, Brdf):
         if start.model != model:
             raise InputError(f"start is a {start.model or 'BRDF that is no model'}; it must be a {model}")
-        parameters = [float(x) for _, values in start._handle.parameters for x in values]
+        parameters = [float(x) for _, values in start._handle.parameters or () for x in values]
         start = None
     options = {
         "start": start,

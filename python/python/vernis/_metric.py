@@ -334,7 +334,7 @@ def _chosen(names: MetricLike | Iterable[MetricLike]) -> list[Metric]:
     found: dict[str, Metric] = {}
     for name in names:
         is_name = isinstance(name, str) and not name.endswith(".json")
-        members = _vernis.resolve(name) if is_name else [name]
+        members: list[MetricLike] = list(_vernis.resolve(str(name))) if is_name else [name]
         for one in map(metric, members):
             found.setdefault(one.name, one)
     if not found:
@@ -455,7 +455,7 @@ def _pairs(rows: Any, reference: str, candidate: str) -> list[tuple[Any, Any]]:
     """The pairs of rows, of a dict of columns, or of a frame."""
     names = getattr(rows, "columns", None)
     if isinstance(rows, Mapping) or names is not None:
-        names = list(rows) if isinstance(rows, Mapping) else [str(name) for name in names]
+        names = list(rows) if isinstance(rows, Mapping) else [str(name) for name in names or ()]
         for name in (reference, candidate):
             if name not in names:
                 raise InputError(f"rows has no column {name!r}; its columns are {', '.join(map(str, names))}")

@@ -44,6 +44,10 @@ pub fn long<T: Send>(
         }
         *lock() = Some((stage.to_owned(), progress));
     };
+    let tell = |py: Python<'_>| {
+        let Some((callback, (stage, p))) = progress.zip(lock().take()) else { return Ok(()) };
+        callback.call1(py, (stage, p.done, p.total)).map(drop)
+    };
     let mut raised = None;
     let finished = py.detach(|| {
         let (sender, receiver) = channel();
@@ -58,13 +62,7 @@ pub fn long<T: Send>(
                 if raised.is_some() {
                     continue;
                 }
-                let news = lock().take();
-                let told = Python::attach(|py| {
-                    py.check_signals()?;
-                    let Some((callback, (stage, p))) = progress.zip(news) else { return Ok(()) };
-                    callback.call1(py, (stage, p.done, p.total)).map(drop)
-                });
-                if let Err(error) = told {
+                if let Err(error) = Python::attach(|py| py.check_signals().and_then(|()| tell(py))) {
                     raised = Some(error);
                     interrupt.raise();
                 }
@@ -75,6 +73,8 @@ pub fn long<T: Send>(
     if let Some(error) = raised {
         return Err(Fault::Python(error));
     }
+    // The last news, which say that all is done.
+    tell(py)?;
     match finished {
         Ok(Ok(result)) => result,
         Ok(Err(panic)) | Err(panic) => Err(fault_of(&*panic)),

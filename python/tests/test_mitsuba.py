@@ -62,6 +62,23 @@ def test_xml_and_objects_are_sources_too() -> None:
         vernis.mitsuba.brdf(3)
 
 
+def test_a_scalar_variant_gives_the_same_values_and_a_spectral_one_is_refused() -> None:
+    code = (
+        "import numpy as np, mitsuba as mi, vernis, vernis.mitsuba\n"
+        "bsdf = {'type': 'principled', 'roughness': 0.3, 'base_color': {'type': 'rgb', 'value': [0.6, 0.3, 0.1]}}\n"
+        "directions = vernis.Grid.standard(4, 4, 6).directions(); found = []\n"
+        "for variant in ('scalar_rgb', 'llvm_ad_rgb'):\n"
+        "    mi.set_variant(variant); found.append(vernis.mitsuba.brdf(bsdf)(*directions))\n"
+        "np.testing.assert_allclose(*found, rtol=1e-4)\n"
+        "mi.set_variant('scalar_spectral')\n"
+        "try: vernis.mitsuba.brdf(bsdf)\n"
+        "except vernis.InputError as error: assert 'scalar_spectral' in str(error)\n"
+        "else: raise AssertionError('a spectral variant was taken')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_measured_is_what_the_own_reader_reads(data) -> None:
     path = sorted((data / "rgl").glob("*_rgb.bsdf"))[0]
     theirs, ours = vernis.mitsuba.brdf({"type": "measured", "filename": str(path)}), vernis.open(path)

@@ -71,9 +71,9 @@ fn the_summary_counts_fits_by_model_and_over_all() {
         ],
     };
     let rows = report::optimizers::summary(&record).rows;
-    assert_eq!(rows[0], ["m", "ggx", "2", "2", "150", "45", "0.30", "0.50", "1"]);
-    assert_eq!(rows[1], ["m", "ward", "1", "0", "300", "30", "0.10", "never", "0"]);
-    assert_eq!(rows[2], ["m", "all", "3", "2", "200", "40", "0.20", "0.50", "1"]);
+    assert_eq!(rows[0], ["m", "ggx", "2", "0.5000", "0.4520", "2", "150", "45", "0.30", "0.50", "1"]);
+    assert_eq!(rows[1], ["m", "ward", "1", "0.5000", "0.6000", "0", "300", "30", "0.10", "never", "0"]);
+    assert_eq!(rows[2], ["m", "all", "3", "0.5000", "0.5013", "2", "200", "40", "0.20", "0.50", "1"]);
     let text = report::optimizers::markdown(&record, "vernis experiment optimizers");
     assert!(text.contains(r"a\|b") && text.contains("| never |"), "{text}");
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Union
 
 import numpy as np
@@ -45,7 +45,7 @@ class Score:
     high: float | None = None
     scale: tuple[float, float] | None = None
     channels: tuple[float, float, float] | None = None
-    _pair: tuple[Brdf, Brdf] | None = None
+    _pair: tuple[Brdf, Brdf] | None = field(default=None, compare=False)
 
     def __float__(self) -> float:
         return self.distance

@@ -21,7 +21,9 @@ __all__ = ["brdf", "load", "values"]
 
 
 def load(source: Any) -> Any:
-    """A BSDF from an object, a dictionary, or a fragment of XML."""
+    """A BSDF from an object, a dictionary, or a fragment of XML. A variant in RGB is needed."""
+    if not mi.variant() or not mi.is_rgb:
+        raise InputError(f"the variant of Mitsuba is {mi.variant()}; vernis works in RGB: set one such as llvm_ad_rgb first")
     if isinstance(source, dict):
         source = mi.load_dict(source)
     elif isinstance(source, str):
@@ -65,12 +67,10 @@ def brdf(bsdf: Any, name: str | None = None) -> Brdf:
     Parameters
     ----------
     bsdf : mitsuba.BSDF, dict or str
-        An object, a dictionary for ``mitsuba.load_dict``, or XML for ``mitsuba.load_string``. A variant in RGB is needed.
+        An object, a dictionary for ``mitsuba.load_dict``, or XML for ``mitsuba.load_string``.
     name : str, optional
         What it is called; by default the name of its class.
     """
-    if not mi.is_rgb:
-        raise InputError(f"the variant of Mitsuba is {mi.variant()}; vernis works in RGB: set one such as llvm_ad_rgb")
     loaded = load(bsdf)
     scalar = mi.variant().startswith("scalar")
 

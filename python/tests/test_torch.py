@@ -30,7 +30,7 @@ def ggx(kd, f0: float, alpha, wi, wo):
 
 @pytest.mark.parametrize("name", ["vernis-loss", "vernis", "ot", "D4.Cl.CR"])
 def test_adam_recovers_the_roughness(name: str) -> None:
-    """On a shiny material. `vernis` is lowest where it predicts the highest score, which for others is up to 2.5 % from the truth."""
+    """On a shiny material. `ot` grows like the root of a difference, with a cusp at zero: its square has none. `vernis` is lowest where it predicts the highest score, which for others is up to 2.5 % from the truth."""
     kd = torch.tensor([0.1, 0.1, 0.1], dtype=DOUBLE)
     truth = torch.tensor(0.2, dtype=DOUBLE)
 
@@ -40,10 +40,11 @@ def test_adam_recovers_the_roughness(name: str) -> None:
     distance = vernis.torch.Distance(name, reference, as_loss=True)
     log_alpha = torch.tensor(np.log(0.35), dtype=DOUBLE, requires_grad=True)
     optimizer = torch.optim.Adam([log_alpha], lr=0.1)
-    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.93)
-    for _ in range(35 if name == "D4.Cl.CR" else 70):
+    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.95)
+    for _ in range(70):
         optimizer.zero_grad()
-        distance(ggx(kd, 0.3, log_alpha.exp(), distance.wi, distance.wo)).backward()
+        loss = distance(ggx(kd, 0.3, log_alpha.exp(), distance.wi, distance.wo))
+        (loss**2 if name == "ot" else loss).backward()
         optimizer.step()
         schedule.step()
     assert log_alpha.exp().item() == pytest.approx(0.2, rel=0.01)

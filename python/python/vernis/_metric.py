@@ -453,9 +453,9 @@ def score(
 
 def _pairs(rows: Any, reference: str, candidate: str) -> list[tuple[Any, Any]]:
     """The pairs of rows, of a dict of columns, or of a frame."""
-    names = getattr(rows, "columns", None)
+    names: Any = getattr(rows, "columns", None)
     if isinstance(rows, Mapping) or names is not None:
-        names = list(rows) if isinstance(rows, Mapping) else [str(name) for name in names or ()]
+        names = [str(name) for name in (rows if isinstance(rows, Mapping) else names)]
         for name in (reference, candidate):
             if name not in names:
                 raise InputError(f"rows has no column {name!r}; its columns are {', '.join(map(str, names))}")

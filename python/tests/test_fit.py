@@ -81,7 +81,9 @@ def test_an_exception_of_the_callback_ends_a_fit(plastic) -> None:
 )
 def test_ctrl_c_ends_long_work(work: str, tmp_path) -> None:
     code = (
-        "import sys, numpy as np, vernis\n"
+        "import signal, sys, numpy as np, vernis\n"
+        # A process that was started in the background ignores the signal.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "a = vernis.model('ggx', kd=0.2, f0=0.04, alpha=0.2); out = sys.argv[1]\n"
         "p = vernis.metric('vernis').prepare(a); v = np.stack([p.evaluate(a)] * 64)\n"
         "print('ready', flush=True)\n"

@@ -28,6 +28,7 @@ fn _vernis(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(metric::resolve, m)?)?;
     m.add_function(wrap_pyfunction!(metric::cache_folder, m)?)?;
     m.add_function(wrap_pyfunction!(fit::fit, m)?)?;
+    m.add_function(wrap_pyfunction!(study::default_study, m)?)?;
     m.add_function(wrap_pyfunction!(study::train, m)?)?;
     m.add_function(wrap_pyfunction!(study::benchmark, m)?)?;
     m.add_function(wrap_pyfunction!(study::main, m)?)

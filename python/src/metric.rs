@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use vernis_metric::descriptor::{Cache, DescriptorOptions};
+use vernis_metric::descriptor::Cache;
 use vernis_metric::io::Progress;
 use vernis_metric::metric::learned::{FAMILY, LearnedMetric};
 use vernis_metric::metric::registry::Registry;
@@ -36,10 +36,11 @@ impl Metric {
     #[staticmethod]
     fn named(py: Python<'_>, name: &str, cache: Option<PathBuf>) -> Result<(Self, Vec<String>), Fault> {
         short(py, || {
+            let registry = Registry::standard()?;
             let metric: Arc<dyn metric::Metric> = if name.ends_with(".json") {
-                Arc::new(LearnedMetric::load_with(Path::new(name), &DescriptorOptions::default())?)
+                Arc::new(registry.beside(LearnedMetric::load(Path::new(name))?, Path::new(name)))
             } else {
-                Registry::standard()?.get(name)?
+                registry.get(name)?
             };
             let mut warnings = Vec::new();
             if let Some(folder) = cache.filter(|_| metric.properties().family == FAMILY) {

@@ -5,7 +5,7 @@ use crate::fault::Fault;
 use pyo3::prelude::*;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use vernis::dataset::{Study, manifest, synthetic};
+use vernis::dataset::Study;
 use vernis::evaluation::records::BenchmarkRecord;
 use vernis::experiment::train::loss_name;
 use vernis::experiment::{BenchmarkOptions, TrainOptions};
@@ -16,7 +16,7 @@ use vernis_metric::descriptor::Cache;
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Options {
-    study: Option<String>,
+    study: String,
     data: Option<PathBuf>,
     cache: Option<PathBuf>,
     name: Option<String>,
@@ -28,17 +28,20 @@ pub struct Options {
 
 impl Options {
     fn study(&self) -> Result<Study, Fault> {
-        if let Some(name) = &self.study {
-            return Ok(Study::load(name, self.data.as_deref())?);
-        }
-        let open = Study::load(manifest::OPEN, self.data.as_deref());
-        Ok(open.or_else(|_| Study::load(synthetic::NAME, None))?)
+        Ok(Study::load(&self.study, self.data.as_deref())?)
     }
 
-    fn benchmark(&self) -> BenchmarkOptions {
+    fn benchmark(&self, warnings: &mut Vec<String>) -> BenchmarkOptions {
+        let cache = self.cache.as_deref().and_then(|folder| match Cache::open(folder) {
+            Ok(cache) => Some(cache),
+            Err(error) => {
+                warnings.push(format!("{error}; going on without a cache"));
+                None
+            }
+        });
         BenchmarkOptions {
             data: self.data.clone(),
-            cache: self.cache.as_deref().and_then(|folder| Cache::open(folder).ok()),
+            cache,
             folds: self.folds,
             resamples: self.resamples,
             seed: self.seed,
@@ -55,42 +58,52 @@ pub struct Trained {
     metric: String,
     loss_name: String,
     loss: String,
-    record: String,
-    summary: String,
+    measured: Measured,
 }
 
-fn json(record: &BenchmarkRecord) -> Result<String, Fault> {
-    vernis::serde_json::to_string(record).map_err(|e| Fault::Failed(e.to_string()))
+/// The record of a measurement, its headlines as text, and what a user is to be warned of.
+type Measured = (String, String, Vec<String>);
+
+fn measured(record: &BenchmarkRecord, warnings: Vec<String>) -> Result<Measured, Fault> {
+    let json = vernis::serde_json::to_string(record).map_err(|e| Fault::Failed(e.to_string()))?;
+    let summary = tables::headlines(record).iter().map(tables::Table::to_text).collect::<Vec<_>>().join("\n");
+    Ok((json, summary, warnings))
 }
 
-fn summary(record: &BenchmarkRecord) -> String {
-    tables::headlines(record).iter().map(tables::Table::to_text).collect::<Vec<_>>().join("\n")
+/// The study where none is named, and what is missing where it is not the open one.
+#[pyfunction]
+pub fn default_study(data: Option<PathBuf>) -> Result<(String, Option<String>), Fault> {
+    let (study, missing) = Study::open_or_embedded(data.as_deref())?;
+    Ok((study.name, missing.map(|missing| missing.to_string())))
 }
 
 /// Trains a metric on a study.
 #[pyfunction]
 pub fn train(py: Python<'_>, options: Options, progress: Option<Py<PyAny>>) -> Result<Trained, Fault> {
     long(py, progress.as_ref(), |observer, _| {
+        let mut warnings = Vec::new();
         let study = options.study()?;
-        let how = TrainOptions { name: options.name.clone(), benchmark: options.benchmark() };
+        let how = TrainOptions { name: options.name.clone(), benchmark: options.benchmark(&mut warnings) };
         let trained = vernis::experiment::train(&study, &how, observer)?;
+        warnings.extend(trained.warnings.iter().map(ToString::to_string));
         Ok(Trained {
             name: trained.metric.name.clone(),
             metric: trained.metric.to_json()?,
             loss_name: loss_name(&trained.metric.name),
             loss: trained.loss.to_json()?,
-            record: json(&trained.benchmark)?,
-            summary: summary(&trained.benchmark),
+            measured: measured(&trained.benchmark, warnings)?,
         })
     })
 }
 
-/// Measures all metrics on a study: the record, and its headlines as text.
+/// Measures all metrics on a study.
 #[pyfunction]
-pub fn benchmark(py: Python<'_>, options: Options, progress: Option<Py<PyAny>>) -> Result<(String, String), Fault> {
+pub fn benchmark(py: Python<'_>, options: Options, progress: Option<Py<PyAny>>) -> Result<Measured, Fault> {
     long(py, progress.as_ref(), |observer, _| {
-        let record = vernis::experiment::benchmark(&options.study()?, &options.benchmark(), observer)?;
-        Ok((json(&record)?, summary(&record)))
+        let mut warnings = Vec::new();
+        let study = options.study()?;
+        let record = vernis::experiment::benchmark(&study, &options.benchmark(&mut warnings), observer)?;
+        measured(&record, warnings)
     })
 }
 

@@ -25,6 +25,25 @@ def test_training_is_that_of_the_program(program, plastic, rougher, tmp_path) ->
     assert trained.loss.differentiable and stages
     record = json.loads((tmp_path / "program" / "benchmark.json").read_text())
     assert trained.agreement.record["headline"] == record["headline"]
+    # A file never hides another metric, nor stands under its name.
+    copy = tmp_path / "copy.vernis.json"
+    copy.write_text(json.dumps({**json.loads(trained.path.read_text()), "name": "vernis"}))
+    found = vernis.compare(plastic, rougher, ["vernis", copy])
+    assert list(found) == ["vernis", "vernis@copy.vernis.json"] and len(set(found.values())) == 2
+    (tmp_path / "other").mkdir()
+    twin = tmp_path / "other" / "copy.vernis.json"
+    twin.write_text(copy.read_text())
+    with pytest.raises(vernis.InputError, match="ask for only one"):
+        vernis.compare(plastic, rougher, [copy, twin])
+
+
+def test_the_embedded_study_in_place_of_the_open_one_is_no_secret(tmp_path) -> None:
+    def enough(stage: str, done: int, total: int) -> None:
+        raise LookupError(stage)
+
+    (tmp_path / "empty").mkdir()
+    with pytest.warns(UserWarning, match="SYNTHETIC"), pytest.raises(LookupError):
+        vernis.benchmark(data=tmp_path / "empty", progress=enough)
 
 
 @pytest.mark.parametrize(

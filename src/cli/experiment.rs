@@ -1,4 +1,4 @@
-//! `vernis experiment`: questions that take hours to answer, and their reports.
+//! `vernis experiment`: questions that take minutes or hours to answer, and their reports.
 
 use super::claims::{self, NoiseArgs, TripletsArgs, VersionsArgs};
 use super::judging::Judging;

@@ -69,7 +69,7 @@ pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<
     for name in names {
         let new = if name.ends_with(".json") {
             let learned = LearnedMetric::load_with(Path::new(name), options).map_err(user_error)?;
-            vec![Arc::new(with_own_name(learned, name, &registry)) as Arc<dyn Metric>]
+            vec![Arc::new(registry.beside(learned, Path::new(name))) as Arc<dyn Metric>]
         } else {
             registry.resolve(name).map_err(user_error)?
         };
@@ -87,20 +87,6 @@ pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<
         }
     }
     Ok(found)
-}
-
-/// The metric of `file` under a name that none of `registry` has: a file never hides a metric that is built in, and its numbers
-/// never stand under that one's name.
-fn with_own_name(metric: LearnedMetric, file: &str, registry: &Registry) -> LearnedMetric {
-    let name = metric.name();
-    // A copy of the metric that is built in is that metric.
-    let same = registry.get(name).is_ok_and(|known| known.identity() == metric.identity());
-    if same || !registry.knows(name) {
-        return metric;
-    }
-    let file = Path::new(file).file_name().unwrap_or_default().to_string_lossy();
-    let own = format!("{name}@{file}");
-    metric.renamed(own)
 }
 
 /// The one metric called `name`.

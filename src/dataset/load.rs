@@ -44,6 +44,23 @@ impl Study {
         Err(Self::unknown(name_or_path))
     }
 
+    /// The study where none is named: the open one, or the embedded one where the files of the open one are not here, with what is
+    /// missing.
+    ///
+    /// # Errors
+    /// Those of [`Study::load`]: files that are here and wrong are no reason to go on with other ratings.
+    pub fn open_or_embedded(data: Option<&Path>) -> Result<(Self, Option<DatasetError>), DatasetError> {
+        match Self::load(manifest::OPEN, data) {
+            Ok(study) => Ok((study, None)),
+            Err(
+                missing @ (DatasetError::NoDataFolder { .. }
+                | DatasetError::MissingFile { .. }
+                | DatasetError::NoPairs { .. }),
+            ) => Ok((Self::load(synthetic::NAME, data)?, Some(missing))),
+            Err(wrong) => Err(wrong),
+        }
+    }
+
     /// The rated pairs of a study that is rebuilt from open files, with the references of its manifest and other `candidates`: those of
     /// methods that the manifest may not rebuild.
     ///

@@ -324,6 +324,14 @@ def metric(name: MetricLike) -> Metric:
     return Metric(os.fspath(name))
 
 
+def differentiable(name: MetricLike, reference: BrdfLike) -> Prepared:
+    """A metric that has a gradient, with its reference."""
+    chosen = metric(name)
+    if not chosen.differentiable:
+        raise InputError(f"{chosen.name} has no gradient; vernis.metrics() says which have one")
+    return chosen.prepare(reference)
+
+
 def metrics() -> dict[str, dict[str, Any]]:
     """All metrics that have a name of their own, each with version, family, unit, summary, source, and what it can do."""
     return {properties["name"]: dict(properties) for properties in _vernis.metrics()}
@@ -336,7 +344,9 @@ def _chosen(names: MetricLike | Iterable[MetricLike]) -> list[Metric]:
         is_name = isinstance(name, str) and not name.endswith(".json")
         members: list[MetricLike] = list(_vernis.resolve(str(name))) if is_name else [name]
         for one in map(metric, members):
-            found.setdefault(one.name, one)
+            known = found.setdefault(one.name, one)
+            if known is not one and not (is_name or known._source == one._source):
+                raise InputError(f"{name}: its metric is called {one.name!r}, and so is another one that was asked for; ask for only one")
     if not found:
         raise InputError("metrics is empty; name at least one")
     return list(found.values())

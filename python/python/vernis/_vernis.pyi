@@ -9,6 +9,7 @@ __version__: str
 
 _Grid = tuple[str, Sequence[int], str | None]
 _Measured = tuple[float, tuple[float, float, float, float, float] | None, Sequence[float] | None]
+_Benchmark = tuple[str, str, list[str]]
 _Progress = Callable[[str, int, int], Any] | None
 
 class Brdf:
@@ -60,8 +61,7 @@ class Trained:
     metric: str
     loss_name: str
     loss: str
-    record: str
-    summary: str
+    measured: _Benchmark
 
 def models() -> list[tuple[str, list[dict[str, Any]]]]: ...
 def fields(model: str) -> list[tuple[str, int]]: ...
@@ -75,6 +75,7 @@ def distances(
 def fit(
     reference: Brdf, source: str, model: str, metric: Metric, options: dict[str, Any], progress: _Progress
 ) -> tuple[Brdf, str]: ...
+def default_study(data: str | None) -> tuple[str, str | None]: ...
 def train(options: dict[str, Any], progress: _Progress) -> Trained: ...
-def benchmark(options: dict[str, Any], progress: _Progress) -> tuple[str, str]: ...
+def benchmark(options: dict[str, Any], progress: _Progress) -> _Benchmark: ...
 def main(arguments: Sequence[str]) -> int: ...

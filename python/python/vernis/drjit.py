@@ -12,7 +12,7 @@ import numpy as np
 
 from ._brdf import BrdfLike
 from ._errors import InputError
-from ._metric import MetricLike, Nodes, metric as metric_of
+from ._metric import MetricLike, Nodes, differentiable
 
 __all__ = ["Distance"]
 
@@ -62,10 +62,7 @@ class Distance:
     """
 
     def __init__(self, metric: MetricLike, reference: BrdfLike, as_loss: bool = False) -> None:
-        metric = metric_of(metric)
-        if not metric.differentiable:
-            raise InputError(f"{metric.name} has no gradient; vernis.metrics() says which have one")
-        self.prepared = metric.prepare(reference)
+        self.prepared = differentiable(metric, reference)
         self.as_loss = as_loss
 
     @property

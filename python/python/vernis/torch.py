@@ -12,7 +12,7 @@ import torch
 
 from ._brdf import BrdfLike
 from ._errors import InputError
-from ._metric import MetricLike, Nodes, Prepared, metric as metric_of
+from ._metric import MetricLike, Nodes, Prepared, differentiable
 
 __all__ = ["Distance"]
 
@@ -71,10 +71,7 @@ class Distance(torch.nn.Module):
 
     def __init__(self, metric: MetricLike, reference: BrdfLike, as_loss: bool = False) -> None:
         super().__init__()
-        metric = metric_of(metric)
-        if not metric.differentiable:
-            raise InputError(f"{metric.name} has no gradient; vernis.metrics() says which have one")
-        self.prepared = metric.prepare(reference)
+        self.prepared = differentiable(metric, reference)
         self.as_loss = as_loss
         nodes = self.nodes
         self.register_buffer("wi", torch.tensor(nodes.wi), persistent=False)

@@ -73,7 +73,8 @@ pub struct Fitting<'a> {
     pub model: &'a str,
     /// The loss.
     pub metric: &'a dyn Metric,
-    /// `None`: at a log fit for learned metrics whose landscape has hollows ([`Properties::rough`](crate::metric::Properties::rough)), staged for others.
+    /// `None`: at a log fit for metrics whose landscape has hollows
+    /// ([`Properties::rough`](crate::metric::Properties::rough)), staged for others.
     pub start: Option<Start>,
     /// How each start is searched; [`Fitting::new`] takes L-BFGS for learned metrics with a gradient, where the model has one too, and
     /// the study's Hooke-Jeeves for all others.
@@ -188,16 +189,9 @@ impl<'a> Fitting<'a> {
             stop = StopReason::NothingMoved;
         }
         let model = space.build(&parameters)?;
-        // What a search minimises under a learned metric is smooth and may be negative; the distance is neither.
-        let distance = |model: &dyn Brdf, loss: f64| {
-            if !loss.is_finite() || self.metric.properties().family != FAMILY {
-                return Ok(loss);
-            }
-            self.metric.distance(reference, model)
-        };
         Ok(Fitted {
-            value_at_start: distance(&*space.build(first)?, at_start)?,
-            value: distance(&*model, value)?,
+            value_at_start: whole.distance(&*space.build(first)?)?,
+            value: whole.distance(&*model)?,
             model,
             loss: value,
             stop,

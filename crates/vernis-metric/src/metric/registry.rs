@@ -10,6 +10,7 @@ use super::transport::TransportMetric;
 use super::{Measured, Metric, MetricError, PreparedMetrics, Score};
 use crate::brdf::Brdf;
 use crate::io::nearest;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Metrics with unique names, in the order in which they were added.
@@ -60,6 +61,18 @@ impl Registry {
         }
         self.metrics.push(metric);
         Ok(())
+    }
+
+    /// The metric of `file` under a name that none of these has, `NAME@FILE` where one has its name: a file never hides a metric that
+    /// is built in, and its numbers never stand under that one's name. A copy of the metric that is built in is that metric.
+    pub fn beside(&self, metric: LearnedMetric, file: &Path) -> LearnedMetric {
+        let name = metric.name();
+        let same = self.get(name).is_ok_and(|known| known.identity() == metric.identity());
+        if same || !self.knows(name) {
+            return metric;
+        }
+        let own = format!("{name}@{}", file.file_name().unwrap_or_default().to_string_lossy());
+        metric.renamed(own)
     }
 
     /// The metrics, for lists.

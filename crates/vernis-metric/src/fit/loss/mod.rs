@@ -28,6 +28,14 @@ pub trait Loss: Send + Sync {
     /// The loss of `candidate`.
     fn value(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError>;
 
+    /// The metric's distance to `candidate`, which is what a fit reports: the loss, unless the metric minimises something smoother.
+    ///
+    /// # Errors
+    /// Those of the metric.
+    fn distance(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError> {
+        self.value(candidate)
+    }
+
     /// Why the loss of `candidate` is infinite, where the metric says so.
     fn refusal(&self, _candidate: &dyn AnalyticBrdf) -> Option<MetricError> {
         None

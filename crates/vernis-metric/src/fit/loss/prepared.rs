@@ -33,6 +33,10 @@ impl Loss for MetricLoss {
         or_infinite(self.prepared.loss(candidate))
     }
 
+    fn distance(&self, candidate: &dyn AnalyticBrdf) -> Result<f64, MetricError> {
+        or_infinite(self.prepared.distance(candidate))
+    }
+
     fn refusal(&self, candidate: &dyn AnalyticBrdf) -> Option<MetricError> {
         self.prepared.loss(candidate).err()
     }

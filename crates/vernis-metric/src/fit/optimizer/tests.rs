@@ -49,6 +49,24 @@ fn run(method: Method, function: &Function, start: &[f64]) -> Outcome {
     minimise(method, function, start, LIMITS, &unwatched).expect("finite")
 }
 
+/// 30 |x_2 - x_1^2| + (1 - x_1)^2: minimum 0 at (1, 1), at the end of a curved edge, where decrease alone ends at 4. The derivative on the edge is that of one side.
+fn edge() -> Function {
+    Function {
+        bounds: vec![(-5.0, 5.0); 2],
+        value: |x| 30.0 * (x[1] - x[0] * x[0]).abs() + (1.0 - x[0]).powi(2),
+        gradient: |x| {
+            let side = 30.0 * (x[1] - x[0] * x[0]).signum();
+            vec![-2.0 * side * x[0] - 2.0 * (1.0 - x[0]), side]
+        },
+    }
+}
+
+#[test]
+fn lbfgs_follows_an_edge() {
+    let found = run(Method::Lbfgs, &edge(), &[-1.2, 1.0]);
+    assert!(found.value < 1e-3, "{found:?}");
+}
+
 #[test]
 fn every_method_reaches_the_end_of_the_valley() {
     let function = rosenbrock([(-5.0, 5.0); 2]);

@@ -49,7 +49,8 @@ fn run(method: Method, function: &Function, start: &[f64]) -> Outcome {
     minimise(method, function, start, LIMITS, &unwatched).expect("finite")
 }
 
-/// 30 |x_2 - x_1^2| + (1 - x_1)^2: minimum 0 at (1, 1), at the end of a curved edge, where decrease alone ends at 4. The derivative on the edge is that of one side.
+/// 30 |x_2 - x_1^2| + (1 - x_1)^2: minimum 0 at (1, 1), at the end of a curved edge. A line search that asks for a decrease alone
+/// stops where the edge begins, at 4.
 fn edge() -> Function {
     Function {
         bounds: vec![(-5.0, 5.0); 2],

@@ -82,7 +82,11 @@ impl Brdf {
             })?;
         }
         if let Some(missing) = named.missing() {
-            return Err(Fault::Input(format!("{name}: the parameter {missing} is missing")));
+            let all: Vec<&str> = named.fields().into_iter().map(|(field, _)| field).collect();
+            return Err(Fault::Input(format!(
+                "{name}: the parameter {missing} is missing; its parameters are {}",
+                all.join(", ")
+            )));
         }
         Ok(Self::of(named.build()?))
     }

@@ -3,6 +3,7 @@
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::io;
+use std::path::Path;
 use vernis::dataset::DatasetError;
 use vernis::experiment::ExperimentError;
 use vernis_metric::brdf::models::ModelError;
@@ -97,7 +98,7 @@ impl From<ExportedError> for Fault {
     fn from(error: ExportedError) -> Self {
         let message = error.to_string();
         match error {
-            ExportedError::Read { .. } => Self::NotFound(message),
+            ExportedError::Read { file, .. } if !Path::new(&file).exists() => Self::NotFound(message),
             _ => Self::Input(message),
         }
     }

@@ -11,6 +11,7 @@ mod learned_gradient;
 mod lp;
 mod lp_golden;
 mod naive_lp;
+mod principled;
 mod transport;
 mod transport_golden;
 mod transport_pairs;

@@ -15,19 +15,27 @@
 /// The model of another program called `name`, in a sentence for a message.
 pub(crate) fn model(name: &str) -> Option<String> {
     let sentence = match plain(name).as_str() {
-        "disney" | "principled" | "principledbsdf" | "pbr" | "metallicroughness" | "gltf" | "unreal" | "ue4"
-        | "standard" | "standardsurface" | "openpbr" | "uber" => {
-            "it is near ggx with kd = baseColor (1 - metallic), f0 = 0.04 (1 - metallic) + baseColor metallic, \
-             alpha = roughness^2, all linear"
+        "disney" | "disneybrdf" | "disneyprincipled" | "principledbsdf" => {
+            "it is called principled here, with the parameters of Mitsuba"
+        }
+        "pbr" | "gltfpbr" | "metallicroughness" | "unreal" | "ue4" => {
+            "it is called gltf here: colour, metalness, roughness"
+        }
+        "standard" | "standardsurface" | "openpbrsurface" | "uber" => {
+            "the nearest is openpbr, the base of OpenPBR Surface"
         }
         "diffuse" | "matte" | "lambertian" => "it is called lambert here",
         "phong" => "the nearest is blinn-phong, whose exponent n is about 4 times that of phong",
         "trowbridgereitz" | "tr" | "gtr" | "gtr2" => "it is called ggx here",
         "torrancesparrow" | "microfacet" => "it is ggx or beckmann here, by the distribution of facets",
         "conductor" | "roughconductor" | "metal" => "it is ggx-conductor or beckmann-conductor here",
-        "plastic" | "roughplastic" | "coateddiffuse" => "the nearest is ggx-dielectric, a lobe over a diffuse base",
+        "plastic" | "roughplastic" | "coateddiffuse" => {
+            "the nearest are ggx-dielectric and openpbr-dielectric, a lobe over a diffuse base"
+        }
         "dielectric" | "roughdielectric" => "the nearest for reflection is ggx-dielectric; vernis has no transmission",
-        "orennayar" | "roughdiffuse" => "vernis does not have it; the nearest without a lobe is lambert",
+        "orennayar" | "roughdiffuse" | "eon" => {
+            "it is openpbr-dielectric with specular_weight 0 here, and base_diffuse_roughness is its roughness"
+        }
         "wardanisotropic" | "substrate" | "ashikhminshirleyanisotropic" => {
             "vernis has isotropic models only, among them ward and ashikhmin-shirley"
         }
@@ -108,8 +116,10 @@ pub(crate) fn parameter(name: &str, fields: &[String]) -> Option<String> {
         }
         "diffuse" | "color" | "colour" | "albedo" | "diffusecolor" | "diffusealbedo" | "diffusereflectance"
         | "reflectance" | "rhod" | "rho" | "kdiffuse" => first(&[("kd", "the diffuse albedo, three linear numbers")]),
-        "sheen" | "sheentint" | "clearcoat" | "clearcoatgloss" | "coat" | "subsurface" | "transmission"
-        | "spectrans" | "speculartint" | "flatness" | "emission" | "opacity" | "normal" | "thinfilm" => {
+        "sheen" | "sheentint" | "clearcoat" | "clearcoatgloss" | "flatness" | "spectint" => {
+            Some("of the models, principled alone has it".to_owned())
+        }
+        "coat" | "subsurface" | "transmission" | "spectrans" | "emission" | "opacity" | "normal" | "thinfilm" => {
             Some("vernis has no model with it".to_owned())
         }
         _ => None,
@@ -152,7 +162,7 @@ mod tests {
 
     #[test]
     fn models_of_other_programs_are_not_like_ours() {
-        for name in ["disney", "principled", "standard", "oren-nayar", "microfacet", "torrance-sparrow", "plastic"] {
+        for name in ["disney", "unreal", "standard", "oren-nayar", "microfacet", "torrance-sparrow", "plastic"] {
             assert!(model(name).is_some(), "{name}");
             assert!(nearest(name, MODELS).is_empty(), "{name}: {:?}", nearest(name, MODELS));
         }

@@ -3,8 +3,9 @@
 use super::rational::{Basis, Form};
 use super::{
     Abc, AbcSmooth, AbcStudy, AnalyticBrdf, AshikhminShirley, AshikhminShirleyDielectric, Beckmann, BeckmannConductor,
-    BeckmannSchlick, BlinnPhong, CookTorrance, CookTorranceDielectric, Ggx, GgxConductor, GgxDielectric, He, Lafortune,
-    Lambert, ModelError, Parameter, Sgd, Ward, WardForm, dupuy,
+    BeckmannSchlick, BlinnPhong, CookTorrance, CookTorranceDielectric, Ggx, GgxConductor, GgxDielectric, Gltf, He,
+    Lafortune, Lambert, ModelError, OpenPbr, OpenPbrDielectric, OpenPbrMetal, Parameter, PbrtConductor, PbrtMix,
+    Principled, Sgd, Ward, WardForm, dupuy,
 };
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -23,7 +24,7 @@ pub struct ModelEntry {
 }
 
 #[rustfmt::skip]
-const ENTRIES: [ModelEntry; 26] = [
+const ENTRIES: [ModelEntry; 33] = [
     ModelEntry { id: "lambert", schema: Lambert::parameter_schema, build: Lambert::shared },
     ModelEntry { id: "ward", schema: Ward::parameter_schema, build: |p| Ward::shared(p, WardForm::Ward) },
     ModelEntry { id: "ward-duer", schema: Ward::parameter_schema, build: |p| Ward::shared(p, WardForm::Duer) },
@@ -45,6 +46,13 @@ const ENTRIES: [ModelEntry; 26] = [
     ModelEntry { id: "ashikhmin-shirley", schema: AshikhminShirley::parameter_schema, build: AshikhminShirley::shared },
     ModelEntry { id: "ashikhmin-shirley-dielectric", schema: AshikhminShirleyDielectric::parameter_schema, build: AshikhminShirleyDielectric::shared },
     ModelEntry { id: "he", schema: He::parameter_schema, build: He::shared },
+    ModelEntry { id: "principled", schema: Principled::parameter_schema, build: Principled::shared },
+    ModelEntry { id: "openpbr", schema: OpenPbr::parameter_schema, build: OpenPbr::shared },
+    ModelEntry { id: "openpbr-metal", schema: OpenPbrMetal::parameter_schema, build: OpenPbrMetal::shared },
+    ModelEntry { id: "openpbr-dielectric", schema: OpenPbrDielectric::parameter_schema, build: OpenPbrDielectric::shared },
+    ModelEntry { id: "gltf", schema: Gltf::parameter_schema, build: Gltf::shared },
+    ModelEntry { id: "pbrt-conductor", schema: PbrtConductor::parameter_schema, build: PbrtConductor::shared },
+    ModelEntry { id: "pbrt-mix", schema: PbrtMix::parameter_schema, build: PbrtMix::shared },
     ModelEntry { id: "dupuy", schema: || dupuy::schema(dupuy::TABULATED), build: |p| dupuy::shared(dupuy::TABULATED, p) },
     ModelEntry { id: "dupuy-ggx", schema: || dupuy::schema(dupuy::GGX), build: |p| dupuy::shared(dupuy::GGX, p) },
     ModelEntry { id: "dupuy-beckmann", schema: || dupuy::schema(dupuy::BECKMANN), build: |p| dupuy::shared(dupuy::BECKMANN, p) },

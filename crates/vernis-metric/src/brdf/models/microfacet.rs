@@ -24,6 +24,13 @@ pub(super) fn ggx_visibility<S: Scalar>(alpha: S, wi: Vec3, wo: Vec3) -> S {
     masking(wi.z) * masking(wo.z)
 }
 
+/// Smith's visibility for GGX where facets that are high are both lit and seen: 1 / (2 (cos_i a(cos_o) + cos_o a(cos_i))), a(cos) =
+/// sqrt(alpha^2 + (1 - alpha^2) cos^2) (Heitz 2014, eq. 99).
+pub(super) fn ggx_visibility_of_one_height<S: Scalar>(alpha: S, wi: Vec3, wo: Vec3) -> S {
+    let slant = |cos: f64| ggx_area(alpha, cos) - cos;
+    S::from(0.5) / (slant(wo.z) * wi.z + slant(wi.z) * wo.z)
+}
+
 /// Twice the area that GGX facets project towards a direction, per unit of surface: G1 = 2 cos theta / area.
 pub(super) fn ggx_area<S: Scalar>(alpha: S, cos: f64) -> S {
     let alpha2 = alpha * alpha;

@@ -118,7 +118,7 @@ fn models_in_json() {
         (&twice[..], "", "m.json: not a valid model in JSON: the key `alpha` is given twice at line 1 column 77"),
         (&roughness, "", "m.json: ggx has no parameter `roughness`; alpha = roughness^2 for the roughness of Disney"),
         (good, "?ior=1.5", "ggx has no parameter `ior`; f0 = ((n - 1) / (n + 1))^2 for an index of refraction n"),
-        (&good.replace("ggx", "disney"), "", "m.json: unknown model `disney`; it is near ggx with kd = baseColor"),
+        (&good.replace("ggx", "disney"), "", "m.json: unknown model `disney`; it is called principled here"),
         (&good.replace("0.15", "1e-300"), "", "ggx: alpha is 1e-300; it must be 0.001 to 1"),
         ("[1]", "", "m.json: not a valid model in JSON: it must be an object"),
         (&good.replace("alpha", "alfa")[..], "", "m.json: ggx has no parameter `alfa`; did you mean alpha"),

@@ -87,7 +87,9 @@ impl From<FitError> for Fault {
     fn from(error: FitError) -> Self {
         let message = error.to_string();
         match error {
-            FitError::UnknownModel { nearest, .. } => Self::Unknown { message, nearest },
+            FitError::UnknownModel { nearest, .. } | FitError::UnknownRenderer { nearest, .. } => {
+                Self::Unknown { message, nearest }
+            }
             FitError::Metric(error) => error.into(),
             _ => Self::Input(message),
         }

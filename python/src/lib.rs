@@ -5,6 +5,7 @@
 
 mod brdf;
 mod compute;
+mod export;
 mod fault;
 mod fit;
 mod function;
@@ -19,6 +20,7 @@ fn _vernis(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<brdf::Brdf>()?;
     m.add_class::<metric::Metric>()?;
     m.add_class::<metric::Prepared>()?;
+    m.add_class::<export::Translation>()?;
     m.add_class::<study::Trained>()?;
     m.add_function(wrap_pyfunction!(brdf::models, m)?)?;
     m.add_function(wrap_pyfunction!(brdf::fields, m)?)?;
@@ -28,6 +30,7 @@ fn _vernis(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(metric::resolve, m)?)?;
     m.add_function(wrap_pyfunction!(metric::cache_folder, m)?)?;
     m.add_function(wrap_pyfunction!(fit::fit, m)?)?;
+    m.add_function(wrap_pyfunction!(export::translate, m)?)?;
     m.add_function(wrap_pyfunction!(study::default_study, m)?)?;
     m.add_function(wrap_pyfunction!(study::train, m)?)?;
     m.add_function(wrap_pyfunction!(study::benchmark, m)?)?;

@@ -137,3 +137,47 @@ def test_wrong_values_are_refused() -> None:
     for wrong in (3, mi.Float([1.0, 2.0]), mi.Color3f(0.1)):
         with pytest.raises(vernis.InputError):
             distance(wrong)
+
+
+def test_the_model_principled_is_that_of_mitsuba() -> None:
+    rng = np.random.default_rng(7)
+    wi, wo = vernis.Grid.standard(12, 12, 16).directions()
+    chosen = rng.choice(len(wi), 200, replace=False)
+    wi, wo = wi[chosen], wo[chosen]
+    names = [p.name for p in next(m for m in vernis.models() if m.name == "principled").parameters if not p.name.startswith("base_color")]
+    for _ in range(8):
+        # Narrow lobes differ by Mitsuba's single precision.
+        parameters = {name: float(rng.uniform(0.2 if name == "roughness" else 0.01, 1)) for name in names}
+        parameters["clearcoat_gloss"] *= 0.5
+        color = rng.uniform(0, 1, 3).tolist()
+        theirs = vernis.mitsuba.brdf({"type": "principled", "base_color": rgb(color), **parameters})
+        ours = vernis.model("principled", base_color=color, **parameters)
+        np.testing.assert_allclose(ours(wi, wo), theirs(wi, wo), rtol=3e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        vernis.model("lambert", kd=[0.6, 0.3, 0.1]),
+        vernis.model("ggx-conductor", kd=0, eta=ETA, k=K, alpha=0.2),
+        vernis.model("ggx", kd=0, f0=[0.9, 0.6, 0.3], alpha=0.15),
+        vernis.model("ward-duer", kd=[0.2, 0.1, 0.05], ks=0.1, alpha=0.2),
+    ],
+    ids=lambda model: model.model,
+)
+def test_an_exported_material_looks_in_mitsuba_as_it_says(model) -> None:
+    material = vernis.export(model, "mitsuba")
+    for source in (material.dictionary, material.text):
+        in_mitsuba = vernis.mitsuba.brdf(source)
+        assert vernis.metric("vernis-loss")(material.brdf, in_mitsuba) < 1e-3
+        assert vernis.metric("vernis-loss")(model, in_mitsuba) == pytest.approx(material.costs["vernis-loss"].distance, abs=1e-3)
+
+
+def test_a_dictionary_and_a_fragment_of_xml_are_brdfs_wherever_one_is_asked_for() -> None:
+    model = vernis.model("lambert", kd=0.5)
+    dictionary = {"type": "diffuse", "reflectance": rgb([0.5, 0.5, 0.5])}
+    xml = '<bsdf version="3.0.0" type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>'
+    for source in (dictionary, xml):
+        assert vernis.metric("D4.Cl")(model, source) < 1e-6
+        assert vernis.compare(source, model, ["D1"])["D1"] < 1e-6
+    assert vernis.fit(dictionary, "lambert", "D4.Cl").parameters["kd"] == pytest.approx([0.5] * 3, rel=1e-4)

@@ -7,7 +7,6 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 use vernis_metric::brdf::plausibility::Plausibility;
 use vernis_metric::io::decimals;
-use vernis_metric::metric::Score;
 use vernis_metric::metric::registry::{Distance, distances};
 
 /// Compare two BRDFs.
@@ -109,7 +108,7 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
     for d in found {
         text += &format!("{:width$}  {:<12}", d.metric, decimals(d.value, 6));
         if let Some(s) = d.score {
-            text += &format!("  {}", predicted(&s));
+            text += &format!("  {s}");
         }
         match d.channels {
             Some([r, g, b]) if per_channel => {
@@ -121,15 +120,6 @@ fn to_text(found: &[Distance], per_channel: bool) -> String {
         text = text.trim_end().to_owned() + "\n";
     }
     text
-}
-
-/// The score and its interval, on the scale of the metric's ratings.
-fn predicted(s: &Score) -> String {
-    let [mos, low, high] = [s.mos, s.low, s.high].map(|x| s.scale.show(x));
-    if s.scale.is_grades() {
-        return format!("predicted MOS {mos} of 5, 95 % between {low} and {high}");
-    }
-    format!("predicted score {mos} on {}, 95 % between {low} and {high}", s.scale)
 }
 
 /// Six decimals, or as many digits where they would show nothing.

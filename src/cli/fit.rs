@@ -1,6 +1,7 @@
 //! `vernis fit`: the parameters of a model from a BRDF, under any metric.
 
 use super::cells::Cells;
+use super::export::Exports;
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
 use super::signals::Signals;
@@ -11,6 +12,7 @@ use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use vernis_metric::brdf::formats::model_json;
+use vernis_metric::fit::export::Renderer;
 use vernis_metric::fit::optimizer::StopReason;
 use vernis_metric::fit::{AtBound, FitError, FitFile, Fitting, Start};
 use vernis_metric::io::{counted, decimals};
@@ -29,11 +31,16 @@ The result is a model file that every subcommand reads as a BRDF. Its `stop` say
   direct          there was nothing to search for
 The file is written in every case, with the best so far.
 
+A renderer that has the fitted model gets its exact counterpart, any other the nearest material that it has, fitted to the fit. What
+the translation costs is printed and stands in both files: the distance between fit and material in the metric of the fit, and the
+opinion score that vernis predicts for the pair.
+
 Examples:
   vernis fit alum-bronze.binary --model ggx --metric D4.Cl --out ggx.json
   vernis fit merl_nbrdf.zip:teflon --model ward-duer --metric D9.Cl --optimizer lbfgs --starts 4 --out ward.json
   vernis fit merl_nbrdf.zip:teflon --model ggx --out learned.json    # under vernis-loss, the metric to fit with
   vernis fit merl_nbrdf.zip:teflon --model ggx+blinn-phong --metric ot --start ggx+blinn-phong.json --out ot.json
+  vernis fit merl_nbrdf.zip:teflon --model principled --out teflon.json --export mitsuba,gltf
   vernis compare merl_nbrdf.zip:teflon learned.json")]
 pub struct FitArgs {
     /// The BRDF to fit, as `vernis compare --help` describes.
@@ -69,6 +76,10 @@ pub struct FitArgs {
     /// The file to write.
     #[arg(long, short, value_name = "JSON")]
     out: PathBuf,
+    /// Also write a material for a renderer: mitsuba, pbrt, materialx or gltf; may be given several times. The file is called as
+    /// that of the fit, and ends in .xml, .pbrt, .mtlx or .gltf.
+    #[arg(long, value_name = "RENDERER", value_delimiter = ',')]
+    export: Vec<String>,
     #[command(flatten)]
     replace: Replace,
     /// Print the content of the file instead of a summary.
@@ -104,19 +115,37 @@ pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
         interrupt: signals.interrupt(),
         ..default
     };
+    let renderers =
+        args.export.iter().map(|name| name.parse().map_err(user_error)).collect::<Result<Vec<Renderer>>>()?;
     let (folder, name) = output(shared, &args)?;
+    let exports = Exports::beside(&args.out, &renderers, &metric, &inputs(shared, &args), args.replace)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
     plausible::warn(&args.reference, &*reference.brdf);
-    workspace::warm_up(shared, std::slice::from_ref(&metric))?;
-    let fitted = fitting.run(&*reference.brdf, &|stage, progress| bar.update(stage, progress));
+    workspace::warm_up(shared, &[exports.metrics(), vec![metric.clone()]].concat())?;
+    let observer = |stage: &str, progress| bar.update(stage, progress);
+    let fitted = fitting.run(&*reference.brdf, &observer);
+    let fitted = fitted.inspect_err(|_| bar.finish()).map_err(named)?;
+    let mut file = FitFile::new(&fitting, &fitted, &args.reference, &reference.content.to_string());
+    folder.write(&name, file.to_json()?.as_bytes())?;
+    let mut lines = String::new();
+    if !exports.is_empty() && fitted.stop != StopReason::Interrupted {
+        // The fit is kept, whatever becomes of the materials.
+        let what = format!("{} of {} under {} {}", args.model, args.reference, file.metric.name, file.metric.version);
+        let written = exports.write(&*fitted.model, &what, &fitting.interrupt, &observer);
+        for (export, line) in written.inspect_err(|_| bar.finish())? {
+            file.exports.push(export);
+            lines += &line;
+        }
+        folder.write(&name, file.to_json()?.as_bytes())?;
+    }
     bar.finish();
-    let fitted = fitted.map_err(named)?;
-    let file = FitFile::new(&fitting, &fitted, &args.reference, &reference.content.to_string());
-    let text = file.to_json()?;
-    folder.write(&name, text.as_bytes())?;
-    print(if args.json { text } else { summary(&file, &args.out) })?;
+    let ended = fitting.interrupt.is_raised() && fitted.stop != StopReason::Interrupted;
+    print(if args.json { file.to_json()? } else { summary(&file, &args.out) + &lines })?;
     let (model, spent, out) = (&args.model, fitted.evaluations, args.out.display());
     match fitted.stop {
+        _ if ended => Err(signals
+            .ended(format!("{model}: interrupted while the materials were made; they are the best so far; {out} is whole"))
+            .into()),
         StopReason::EvaluationLimit => Err(NotConverged(format!(
             "{model}: {spent} evaluations did not suffice; the best result so far was written; raise --max-evaluations"
         ))
@@ -169,8 +198,13 @@ fn output(shared: &Shared, args: &FitArgs) -> Result<(OutputFolder, String)> {
     if path.extension().is_none_or(|extension| extension != "json") || path.is_dir() {
         return Err(user_error(format!("--out is {}; it must be the name of a .json file", path.display())));
     }
+    output::file(path, &inputs(shared, args), args.replace)
+}
+
+/// The files that the fit reads.
+fn inputs(shared: &Shared, args: &FitArgs) -> Inputs {
     let inputs = Inputs::default().notation(&args.reference, shared.data.as_deref()).view(&args.view);
-    output::file(path, &inputs.file(&args.metric).files(&args.start), args.replace)
+    inputs.file(&args.metric).files(&args.start)
 }
 
 fn summary(file: &FitFile, path: &Path) -> String {

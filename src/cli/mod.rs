@@ -12,6 +12,7 @@ mod describe;
 mod evaluate;
 #[cfg(feature = "train")]
 mod experiment;
+mod export;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;

@@ -95,6 +95,40 @@ fn mistakes_at_the_command_line_are_named() {
 }
 
 #[test]
+fn a_fit_is_exported_to_renderers_and_its_file_says_what_that_costs() {
+    let place = Place::new();
+    let args =
+        ["fit", "ward.json", "--model", "lambert", "--metric", "D4.Cl.CR", "--coarsening", "6", "--out", "f.json"];
+    let output = place.run(&[&args[..], &["--export", "mitsuba,gltf", "--export", "pbrt", "--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let file: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let exports = file["exports"].as_array().expect("a list");
+    let found: Vec<_> =
+        exports.iter().map(|e| (e["renderer"].as_str(), e["file"].as_str(), e["exact"].as_bool())).collect();
+    let expected = [("mitsuba", "f.xml"), ("gltf", "f.gltf"), ("pbrt", "f.pbrt")];
+    assert_eq!(found, expected.map(|(renderer, file)| (Some(renderer), Some(file), Some(true))));
+    for export in exports {
+        let costs = export["costs"].as_array().expect("a list");
+        assert_eq!((&costs[0]["metric"]["name"], &costs[1]["metric"]["name"]), (&"D4.Cl.CR".into(), &"vernis".into()));
+        assert!(costs[0]["score"].is_null() && costs[1]["score"]["mos"].as_f64().is_some_and(|mos| mos > 4.0));
+        assert!(costs.iter().all(|cost| cost["distance"].as_f64().is_some_and(|d| d < 1e-6)), "{costs:?}");
+    }
+    let xml = std::fs::read_to_string(place.0.path().join("f.xml")).expect("written");
+    assert!(xml.contains("type=\"diffuse\"") && xml.contains("lambert of ward.json under D4.Cl.CR"), "{xml}");
+    // The fit with its materials is a whole file, and a BRDF.
+    let kept = std::fs::read(place.0.path().join("f.json")).expect("written");
+    assert_eq!(kept, output.stdout);
+    assert_eq!(place.run(&["compare", "f.json", "ward.json", "--metric", "D1"]).status.code(), Some(0));
+
+    let again = |more: &[&str]| place.mistake(&[&args[..9], more].concat());
+    assert!(again(&["h.json", "--export", "mitsubba"]).contains("unknown renderer `mitsubba`; did you mean mitsuba"));
+    assert!(again(&["h.json", "--export", "pbrt,pbrt"]).contains("--export pbrt is given twice"));
+    std::fs::write(place.0.path().join("h.xml"), "mine").expect("writable");
+    assert!(again(&["h.json", "--export", "mitsuba"]).contains("h.xml exists already; use --replace"));
+    assert!(!place.0.path().join("h.json").exists(), "nothing is computed for an output that cannot be written");
+}
+
+#[test]
 fn a_study_is_refitted_and_a_second_run_keeps_what_is_there() {
     let place = Place::new();
     let rows = "reference,candidate,material,method,mos\nward.json,ward.json,paint,WARD,4.5\n";

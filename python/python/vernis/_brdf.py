@@ -252,18 +252,29 @@ def figure(brdfs: list[Brdf]) -> str:
 
 
 #: What stands for a BRDF wherever one is asked for.
-BrdfLike = Union[str, "os.PathLike[str]", Brdf, Callable[..., Any]]
+BrdfLike = Union[str, "os.PathLike[str]", Brdf, Callable[..., Any], Mapping[str, Any]]
 
 
 def as_brdf(source: BrdfLike, what: str, data: Any = None) -> Brdf:
-    """A notation, a path, a Brdf or a function as a Brdf; `what` is named in errors."""
+    """A notation, a path, a Brdf, a function, or a BSDF of Mitsuba as a Brdf; `what` is named in errors."""
     if isinstance(source, Brdf):
         return source
+    if isinstance(source, str) and source.lstrip().startswith("<") or isinstance(source, Mapping) and "type" in source:
+        return _of_mitsuba(source, what)
     if isinstance(source, (str, os.PathLike)):
         return open(source, data)
     if callable(source):
         return Brdf.from_function(source)
     raise InputError(f"{what} is a {type(source).__name__}; it must be a notation, a Brdf, or a function (wi, wo) -> values")
+
+
+def _of_mitsuba(source: Any, what: str) -> Brdf:
+    """A BSDF of Mitsuba, from its dictionary or XML."""
+    try:
+        from . import mitsuba
+    except ImportError as error:
+        raise InputError(f"{what} is a BSDF of Mitsuba, and mitsuba cannot be imported ({error}); pip install mitsuba") from error
+    return mitsuba.brdf(source)
 
 
 def data_folder(data: Any) -> str | None:

@@ -11,7 +11,8 @@ from typing import Any
 from . import _arrays, _vernis
 from ._brdf import Brdf, BrdfLike, as_brdf, figure
 from ._errors import InputError
-from ._metric import MetricLike, metric as metric_of
+from ._export import Material, translated
+from ._metric import Metric, MetricLike, metric as metric_of
 from ._progress import ProgressLike, reporter
 
 __all__ = ["Fit", "fit"]
@@ -28,10 +29,12 @@ class Fit:
         What was fitted.
     """
 
-    __slots__ = ("_file", "_text", "brdf", "reference")
+    __slots__ = ("_file", "_materials", "_metric", "_text", "brdf", "reference")
 
-    def __init__(self, brdf: Brdf, reference: Brdf, text: str) -> None:
+    def __init__(self, brdf: Brdf, reference: Brdf, text: str, metric: Metric) -> None:
         self.brdf, self.reference, self._text, self._file = brdf, reference, text, json.loads(text)
+        self._metric = metric
+        self._materials: dict[str, Material] = {}
 
     @property
     def model(self) -> str:
@@ -80,6 +83,46 @@ class Fit:
         if path.suffix != ".json":
             raise InputError(f"path is {path}; it must end in .json")
         path.write_text(self._text, encoding="utf-8")
+
+    def material(self, renderer: str, progress: ProgressLike = None) -> Material:
+        """The material of a renderer in place of the fit, with what the translation costs.
+
+        Parameters
+        ----------
+        renderer : {"mitsuba", "pbrt", "materialx", "gltf"}
+            See `export`.
+        progress : bool or callable, optional
+            True for a bar of tqdm, or a function (stage, done, total).
+
+        Returns
+        -------
+        Material
+            The exact counterpart of the fitted model, or else the nearest that the renderer has. Its `costs` are told in the metric of
+            the fit and in `vernis`. It is made once.
+        """
+        if renderer not in self._materials:
+            name, version = self._file["metric"]["name"], self._file["metric"]["version"]
+            note = f"{self.model} of {self.reference.name} under {name} {version}"
+            # The nearest is searched with gradients; other metrics tell the cost alone.
+            loss = self._metric if self._metric.unit == "MOS" else metric_of("vernis-loss")
+            self._materials[renderer] = translated(self.brdf, renderer, loss, note, progress, [self._metric])
+        return self._materials[renderer]
+
+    def to_mitsuba(self) -> dict[str, Any]:
+        """A dictionary for ``mitsuba.load_dict``; see `material` for what the translation costs."""
+        return self.material("mitsuba").dictionary
+
+    def to_pbrt(self) -> str:
+        """Named materials for pbrt-v4, the last of which is called ``vernis-material``; see `material` for the cost."""
+        return self.material("pbrt").text
+
+    def to_materialx(self) -> str:
+        """A document of MaterialX 1.39 with an OpenPBR surface; see `material` for the cost."""
+        return self.material("materialx").text
+
+    def to_gltf(self) -> dict[str, Any]:
+        """A glTF 2.0 file with one material, as a dictionary for ``json.dump``; see `material` for the cost."""
+        return self.material("gltf").dictionary
 
     def __repr__(self) -> str:
         return f"<vernis.Fit {self.model} of {self.reference.name}: {self.value:.6f}, {self.stop}>"
@@ -164,9 +207,10 @@ def fit(
         "coarsening": _whole(coarsening, "coarsening", 1, 15),
         "max_evaluations": None if max_evaluations is None else _whole(max_evaluations, "max_evaluations", 10, 10**8),
     }
+    loss = metric_of(metric)
     with reporter(progress) as report:
-        handle, text = _vernis.fit(brdf._handle, brdf.name, model, metric_of(metric)._handle, options, report)
-    return Fit(Brdf._of(handle, model), brdf, text)
+        handle, text = _vernis.fit(brdf._handle, brdf.name, model, loss._handle, options, report)
+    return Fit(Brdf._of(handle, model), brdf, text, loss)
 
 
 def _whole(number: Any, what: str, low: int, high: int) -> int:

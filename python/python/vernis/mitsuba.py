@@ -8,6 +8,7 @@ the cosine of the angle between normal and light. The functions here change both
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import drjit as dr
@@ -24,8 +25,8 @@ def load(source: Any) -> Any:
     """A BSDF from an object, a dictionary, or a fragment of XML. A variant in RGB is needed."""
     if not mi.variant() or not mi.is_rgb:
         raise InputError(f"the variant of Mitsuba is {mi.variant()}; vernis works in RGB: set one such as llvm_ad_rgb first")
-    if isinstance(source, dict):
-        source = mi.load_dict(source)
+    if isinstance(source, Mapping):
+        source = mi.load_dict(dict(source))
     elif isinstance(source, str):
         source = mi.load_string(source)
     if not isinstance(source, mi.BSDF):

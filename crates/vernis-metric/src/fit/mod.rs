@@ -3,9 +3,11 @@
 //! [`Fitting`] says how: model, metric, start, method, budget; [`Fitting::run`] gives a [`Fitted`], which [`FitFile`] keeps.
 //! Underneath: [`loss`] makes a function of the model out of a metric and its reference, [`Space`] gives the parameters
 //! coordinates in which steps are alike, [`start`] finds where to begin, [`optimizer`] searches. Models that are read off a
-//! reference, not searched, are in [`direct`] and [`rational`]. [`manifold`] makes candidates that belong to no model.
+//! reference, not searched, are in [`direct`] and [`rational`]. [`manifold`] makes candidates that belong to no model. [`export`] takes
+//! a fit to a renderer.
 
 pub mod direct;
+pub mod export;
 mod fitting;
 mod least_distance;
 pub mod loss;
@@ -39,6 +41,8 @@ pub enum FitError {
     Model(ModelError),
     #[error("unknown model `{found}`; {}; the models are {}, and sums such as ggx+ward", foreign::model(found).unwrap_or_else(|| did_you_mean(nearest)), names().join(", "))]
     UnknownModel { found: String, nearest: Vec<String> },
+    #[error("unknown renderer `{found}`; {}; they are mitsuba, pbrt, materialx, gltf", did_you_mean(nearest))]
+    UnknownRenderer { found: String, nearest: Vec<String> },
     #[error("{what} is {found}; it must be {allowed}")]
     Setting { what: &'static str, found: String, allowed: String },
     #[error("lbfgs needs gradients, and {what} has none; use hooke-jeeves or nelder-mead")]

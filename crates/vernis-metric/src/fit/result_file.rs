@@ -8,6 +8,7 @@
 //! reference    {source, sha256}: what was fitted
 //! metric       {name, version, identity}: the loss, the version of its numbers, and what else decides them
 //! value_at_start, value   the metric's distance; null at a start where it has none
+//! exports      [{renderer, file, model, parameters, exact, costs}, ...]: materials of renderers, each with what the translation costs
 //! at_bounds    [{parameter, bound, value}, ...]: parameters that stand on a bound of the model's, lower or upper
 //! start, optimizer, seed, starts, grid, max_evaluations   how it was searched; grid is the coarsening
 //! stop         converged, no-descent, nothing-moved, flat, evaluation-limit, interrupted or direct
@@ -23,6 +24,7 @@
 //!
 //! It is a BRDF source wherever one is accepted: the reader of model files takes `model` and `parameters`.
 
+use super::export::Export;
 use super::optimizer::StopReason;
 use super::{AtBound, FitError, Fitted, Fitting, direct};
 use crate::brdf::formats::model_json::{FIT_FORMAT, FIT_READABLE_FROM};
@@ -112,6 +114,9 @@ pub struct FitFile {
     /// Parameters that stand on a bound.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub at_bounds: Vec<AtBound>,
+    /// Materials of renderers in place of the model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exports: Vec<Export>,
     /// [`FIT_VERSION`] of the writer; `None` in the first files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit_version: Option<String>,
@@ -157,6 +162,7 @@ impl FitFile {
             polish_evaluations: fitted.polish_evaluations,
             history: fitted.history.iter().map(|h| (h.evaluations, h.value)).collect(),
             at_bounds: fitted.at_bounds.clone(),
+            exports: Vec::new(),
             fit_version: Some(FIT_VERSION.to_owned()),
             program: PROGRAM.to_owned(),
             readable_from: Some(FIT_READABLE_FROM.to_owned()),

@@ -20,7 +20,9 @@ use std::ops::ControlFlow;
 
 /// Values tried along each field of the shape.
 const SWEEP: usize = 12;
-/// Fields that are swept at most; models with more are tables.
+/// Numbers that are swept at most; models with more are tables.
+const SWEPT_NUMBERS: usize = 9;
+/// Fields that are swept at most, whatever they hold.
 const SWEPT_FIELDS: usize = 8;
 /// Below this angle between half vector and normal, degrees, a lobe may hide the diffuse part.
 const OFF_PEAK: f64 = 45.0;
@@ -71,7 +73,8 @@ pub fn staged(
     tried.add(start.clone())?;
     let mut best = colours.best(&mut tried, &start)?;
     let shape: Vec<Field> = fields(space)?.into_iter().filter(|f| !colours.fields.contains(f)).collect();
-    if shape.len() <= SWEPT_FIELDS {
+    let numbers: usize = shape.iter().map(|field| field.count).sum();
+    if shape.len() <= SWEPT_FIELDS || numbers <= SWEPT_NUMBERS {
         for field in &shape {
             let centre = best.parameters.clone();
             for value in sweep(space, *field) {

@@ -18,7 +18,7 @@ use crate::io::did_you_mean;
 use crate::math::rating_scale::RatingScale;
 use crate::math::{Rgb, Vec3};
 use graph::GraphGrid;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
@@ -137,7 +137,7 @@ impl MetricError {
 }
 
 /// What a metric that was learned from ratings predicts for a pair.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// In points of mean opinion score (MOS) worse than identical BRDFs, 0 or more: 0 is identical, larger is worse.
     pub distance: f64,
@@ -149,6 +149,17 @@ pub struct Score {
     pub high: f64,
     /// The scale of the ratings that the metric was learned from.
     pub scale: RatingScale,
+}
+
+/// The score and its interval in words, such as `predicted MOS 4.21 of 5, 95 % between 3.70 and 4.60`.
+impl fmt::Display for Score {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [mos, low, high] = [self.mos, self.low, self.high].map(|x| self.scale.show(x));
+        if self.scale.is_grades() {
+            return write!(f, "predicted MOS {mos} of 5, 95 % between {low} and {high}");
+        }
+        write!(f, "predicted score {mos} on {}, 95 % between {low} and {high}", self.scale)
+    }
 }
 
 /// What a metric says of a pair.

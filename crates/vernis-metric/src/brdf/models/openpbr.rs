@@ -67,7 +67,7 @@ model! {
 /// Smallest alpha of GGX: below it a pair of directions says nothing of a lobe.
 const LEAST_ALPHA: f64 = 1e-3;
 /// Keeps the slope of the index finite where it is 1.
-const LEAST_REFLECTANCE: f64 = 1e-12;
+const LEAST_REFLECTANCE: f64 = 1e-16;
 
 impl<S: Scalar> OpenPbr<S> {
     fn formula(&self, wi: Vec3, wo: Vec3) -> [S; 3] {

@@ -1,21 +1,21 @@
 //! The base of OpenPBR Surface, isotropic: a metal, a dielectric over a diffuse base, and a mix of both.
 //!
 //! `openpbr-metal`:      f = specular_weight F82 D G / (4 cos_i cos_o)
-//! `openpbr-dielectric`: f = specular_color F D G / (4 cos_i cos_o) + (1 - E(cos_i)) (1 - E(cos_o)) / (1 - <E>) f_diffuse
+//! `openpbr-dielectric`: f = specular_color F D G / (4 cos_i cos_o) + (1 - E(cos_i)) (1 - E(cos_o)) / (1 - Em) f_diffuse
 //! `openpbr`:            the metal and the dielectric, mixed by base_metalness
 //!
 //!   D, G: GGX with alpha = max(specular_roughness^2, 0.001), both directions masked independently; single scattering
 //!   F82 = schlick(base_color) - cos (1 - cos)^6 / (m (1 - m)^6) (1 - specular_color) schlick(base_color, m), m = 1/7
 //!   F: the exact dielectric of index (1 + e)/(1 - e), e^2 = specular_weight ((specular_ior - 1)/(specular_ior + 1))^2
-//!   f_diffuse = base_color/pi A (1 + r s/t) + ms/pi (1 - Ed(cos_i)) (1 - Ed(cos_o)) / (1 - <Ed>): rough diffuse reflection, r =
+//!   f_diffuse = base_color/pi A (1 + r s/t) + ms/pi (1 - Ed(cos_i)) (1 - Ed(cos_o)) / (1 - Edm): rough diffuse reflection, r =
 //!     base_diffuse_roughness, A = 1/(1 + (1/2 - 2/(3 pi)) r), s = wi.wo - cos_i cos_o, t = max(cos_i, cos_o) where s > 0, else 1,
-//!     ms = base_color^2 <Ed> / (1 - base_color (1 - <Ed>)), with Ed and <Ed> the albedos of the first term in closed form
-//!   E, <E>: directional albedo of the specular lobe, and its mean
+//!     ms = base_color^2 Edm / (1 - base_color (1 - Edm)), with Ed and Edm the albedos of the first term in closed form
+//!   E, Em: directional albedo of the specular lobe, and its mean
 //!
 //! All parameters are dimensionless and have the names of OpenPBR; `base_weight` is 1. Reciprocal: of the two layerings that the
 //! specification allows, this is the symmetric one. It keeps the specification's meaning of `base_color`: towards the normal,
 //! (1 - E) base_color comes back from below. E is a rational fit of Schlick's lobe, E = e^2 a + e/(e + 0.02) b: within 0.05 of a
-//! quadrature for indices from 1.2 to 2. Renderers differ in the layering, and some add light that is scattered twice.
+//! quadrature for indices from 1.2 to 2, alpha from 0.09 and angles to 80 degrees, and at most twice that beyond. Renderers differ in the layering, and some add light that is scattered twice.
 //! Source: OpenPBR Surface 1.1, sections *Metal*, *Glossy-diffuse* and *Microfacet model*
 //! (<https://academysoftwarefoundation.github.io/OpenPBR/>); F82: Kutz, Hasan & Edmondson 2021, *Novel aspects of the Adobe Standard
 //! Material*; diffuse: Portsmouth, Kutz & Hill 2025, *EON: a practical energy-preserving rough diffuse BRDF*,
@@ -135,7 +135,7 @@ const GAUSS_4: [(f64, f64); 4] = [
     (0.019855071751231884, 0.05061426814518813),
     (0.10166676129318664, 0.11119051722668724),
     (0.2372337950418355, 0.15685332293894363),
-    (0.4082826787521751, 0.18134189168918100),
+    (0.4082826787521751, 0.181341891689181),
 ];
 
 /// How much light a lobe of GGX facets sends back, all directions together; `root` is the square root of their reflectance at normal

@@ -15,7 +15,8 @@
 //! All parameters are dimensionless and have the names of OpenPBR; `base_weight` is 1. Reciprocal: of the two layerings that the
 //! specification allows, this is the symmetric one. It keeps the specification's meaning of `base_color`: towards the normal,
 //! (1 - E) base_color comes back from below. E is a rational fit of Schlick's lobe, E = e^2 a + e/(e + 0.02) b: within 0.05 of a
-//! quadrature for indices from 1.2 to 2, alpha from 0.09 and angles to 80 degrees, and at most twice that beyond. Renderers differ in the layering, and some add light that is scattered twice.
+//! quadrature for indices from 1.2 to 2, alpha from 0.09 and angles to 80 degrees, and at most twice that beyond. Renderers differ in the
+//! layering, and some add light that is scattered twice.
 //! Source: OpenPBR Surface 1.1, sections *Metal*, *Glossy-diffuse* and *Microfacet model*
 //! (<https://academysoftwarefoundation.github.io/OpenPBR/>); F82: Kutz, Hasan & Edmondson 2021, *Novel aspects of the Adobe Standard
 //! Material*; diffuse: Portsmouth, Kutz & Hill 2025, *EON: a practical energy-preserving rough diffuse BRDF*,

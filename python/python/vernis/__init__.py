@@ -23,7 +23,8 @@ What goes wrong is a `vernis.Error`; a wrong argument is also a ValueError, a mi
 from ._brdf import Brdf, Grid, Model, Parameter, Table, model, models, open
 from ._errors import Error, InputError, NotFoundError, UnknownNameError
 from ._fit import Fit, fit
-from ._metric import Metric, Nodes, Prepared, Score, compare, metric, metrics, score
+from ._metric import Metric, Nodes, Prepared, Score, metric, metrics
+from ._score import compare, score
 from ._study import Benchmark, Trained, benchmark, train
 from ._vernis import __version__
 

@@ -4,7 +4,8 @@
 //!
 //! Radiance above 1 / [`EXPOSURE`] is cut off. The exposure is the same for every material, so that bright and dark ones can
 //! be told apart. The picture is that of the BRDF's node table, as the descriptors see it: the finest highlights of mirrors
-//! are blunted. Source of the curve: IEC 61966-2-1. Cost: a sphere of 48 pixels a side takes 1 ms a BRDF.
+//! are blunted. Source of the curve: IEC 61966-2-1. Cost: [`Sphere::new`] takes about 1 ms and 10 kB a normal, and then a sphere of
+//! 48 pixels a side 1 ms a BRDF: keep it.
 
 use super::{Light, LightError, NodeTable, Operator, Sampling};
 use crate::brdf::Brdf;
@@ -12,8 +13,13 @@ use crate::math::{Rgb, Vec3};
 
 /// White paper under the lights of mean luminance 3 that [`Light`] makes comes out at about 1.
 pub const EXPOSURE: f64 = 0.3;
+/// Pixels a side of the largest picture with several normals a pixel; in larger ones a pixel spans little of the sphere.
+const SMALL: usize = 48;
+
 /// Normals a pixel, along each axis.
-const SUB_SAMPLES: usize = 2;
+fn sub_samples(side: usize) -> usize {
+    if side <= SMALL { 2 } else { 1 }
+}
 
 /// A sphere under a light, ready for any BRDF.
 pub struct Sphere {
@@ -26,20 +32,20 @@ pub struct Sphere {
 impl Sphere {
     /// A picture of `side` x `side` pixels that the sphere fills.
     pub fn new(side: usize, light: &Light) -> Self {
+        let subs = sub_samples(side);
         let normals = |pixel: usize| -> Vec<Vec3> {
-            let at = |cell: usize, sub: usize| {
-                (cell as f64 + (sub as f64 + 0.5) / SUB_SAMPLES as f64) / side as f64 * 2.0 - 1.0
-            };
-            (0..SUB_SAMPLES * SUB_SAMPLES)
+            let at =
+                |cell: usize, sub: usize| (cell as f64 + (sub as f64 + 0.5) / subs as f64) / side as f64 * 2.0 - 1.0;
+            (0..subs * subs)
                 .filter_map(|s| {
-                    let (x, y) = (at(pixel % side, s % SUB_SAMPLES), -at(pixel / side, s / SUB_SAMPLES));
+                    let (x, y) = (at(pixel % side, s % subs), -at(pixel / side, s / subs));
                     let z2 = 1.0 - x * x - y * y;
                     (z2 > 0.0).then(|| Vec3::new(x, y, z2.sqrt()))
                 })
                 .collect()
         };
         let shown: Vec<(usize, Vec<Vec3>)> =
-            (0..side * side).map(|p| (p, normals(p))).filter(|(_, n)| n.len() == SUB_SAMPLES * SUB_SAMPLES).collect();
+            (0..side * side).map(|p| (p, normals(p))).filter(|(_, n)| n.len() == subs * subs).collect();
         let (pixels, normals): (Vec<usize>, Vec<Vec<Vec3>>) = shown.into_iter().unzip();
         Self { side, pixels, operator: Operator::build(&normals, std::slice::from_ref(light), Sampling::Averages) }
     }

@@ -3,7 +3,7 @@
     python python/notebooks/pages.py           # runs the notebooks, and writes the pages and their pictures
     python python/notebooks/pages.py --check   # runs nothing: says whether the pages are those of the notebooks as they are
 
-Needs vernis, mitsuba, nbconvert, ipykernel and matplotlib in the environment of this Python. Notebooks are kept without outputs; what
+Needs mitsuba and the extra `notebooks` of vernis in the environment of this Python. Notebooks are kept without outputs; what
 their cells print and show is in the pages alone.
 """
 

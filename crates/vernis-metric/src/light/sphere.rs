@@ -108,6 +108,24 @@ mod tests {
     }
 
     #[test]
+    fn one_normal_in_a_large_picture_is_one_of_four_in_a_small_one() {
+        let brdf = Lambert { kd: [0.5, 0.3, 0.1] };
+        let pictures = [25, 50].map(|side| Sphere::new(side, &Light::lamps(1)).radiance(&brdf).unwrap());
+        let mut compared = 0;
+        for (pixel, small) in pictures[0].iter().enumerate() {
+            let (x, y) = (2 * (pixel % 25), 2 * (pixel / 25));
+            let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| pictures[1][y * 50 + x]);
+            let all = four.iter().all(Option::is_some);
+            assert_eq!(small.is_some(), all);
+            let Some(small) = small else { continue };
+            let mean: f64 = four.iter().flatten().map(|rgb| rgb[0] / 4.0).sum();
+            assert!((mean / small[0] - 1.0).abs() < 1e-5, "{mean} {small:?}");
+            compared += 1;
+        }
+        assert!(compared > 400);
+    }
+
+    #[test]
     fn bytes_follow_the_curve() {
         // IEC 61966-2-1: 0.18 is 118 of 255, 0.5 is 188.
         assert_eq!([0.0, 0.18, 0.5, 1.0, 9.0].map(|v| srgb(v / EXPOSURE)), [0, 118, 188, 255, 255]);

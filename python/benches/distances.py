@@ -75,6 +75,8 @@ def main() -> None:
     if arguments.here:
         print(json.dumps(measure(arguments.batch)))
         return
+    # On a machine that is busy with other work two threads get little more than one.
+    busy = f"; load before: {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores" if hasattr(os, "getloadavg") else ""
     best: dict[tuple[int, str, str], float] = {}
     for _ in range(arguments.rounds):
         for threads in (1, 2):
@@ -82,7 +84,7 @@ def main() -> None:
                 for what, value in seconds.items():
                     key = threads, name, what
                     best[key] = min(value, best.get(key, float("inf")))
-    print(f"batch of {arguments.batch} ({FEW} for tables), fastest of {arguments.rounds} processes; milliseconds")
+    print(f"batch of {arguments.batch} ({FEW} for tables), fastest of {arguments.rounds} processes; milliseconds{busy}")
     print(f"{'metric':12s} {'1 thread':>9s} {'2 threads':>10s} {'ratio':>6s}   {'value':>8s} {'gradient':>9s} {'ratio':>6s}  (1 thread)")
     for name in METRICS:
         one, two = best[1, name, "member"], best[2, name, "member"]

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use rayon::prelude::*;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use vernis_metric::brdf::models::{Field, NamedParameters, names, schema};
 use vernis_metric::brdf::{Anchor, BrdfSource, Grid, TabulatedBrdf};
 use vernis_metric::io::{did_you_mean, nearest};
@@ -20,6 +20,9 @@ const CHUNK: usize = 4096;
 
 /// The layout of the lamps of pictures.
 const LAMPS: usize = 1;
+
+/// Pixels a side of the largest sphere that is kept: it takes about 70 MB.
+const LARGEST_KEPT: usize = 96;
 
 /// A grid as Python has it: kind, cells along each axis, anchor.
 type GridParts = (String, [usize; 3], Option<String>);
@@ -164,10 +167,7 @@ impl Brdf {
 
     /// A sphere under lamps as a PNG file, transparent beside the sphere.
     fn png<'py>(&self, py: Python<'py>, side: usize) -> Result<Bound<'py, PyBytes>, Fault> {
-        let picture = short(py, || {
-            let sphere = Sphere::new(side, &Light::lamps(LAMPS));
-            sphere.png(&*self.brdf).map_err(|e| Fault::Input(e.to_string()))
-        });
+        let picture = short(py, || sphere(side).png(&*self.brdf).map_err(|e| Fault::Input(e.to_string())));
         Ok(PyBytes::new(py, &self.heard(picture)?))
     }
 
@@ -180,6 +180,28 @@ impl Brdf {
     fn content(&self) -> Option<String> {
         self.content.clone()
     }
+}
+
+/// The sphere of pictures. It takes seconds to make and then shows any BRDF in milliseconds: the last one stays, unless it is large.
+fn sphere(side: usize) -> Arc<Sphere> {
+    static LAST: Mutex<Option<(usize, Arc<Sphere>)>> = Mutex::new(None);
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    match &*last {
+        Some((kept, sphere)) if *kept == side => sphere.clone(),
+        _ => {
+            let made = Arc::new(Sphere::new(side, &Light::lamps(LAMPS)));
+            if side <= LARGEST_KEPT {
+                *last = Some((side, made.clone()));
+            }
+            made
+        }
+    }
+}
+
+/// That a notation is one and its file is there; nothing is read.
+#[pyfunction]
+pub fn locate(notation: &str, data: Option<PathBuf>) -> Result<(), Fault> {
+    Ok(BrdfSource::parse(notation)?.locate(data.as_deref()).map(drop)?)
 }
 
 fn unknown_model(name: &str) -> Fault {

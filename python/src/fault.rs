@@ -6,6 +6,7 @@ use std::io;
 use std::path::Path;
 use vernis::dataset::DatasetError;
 use vernis::experiment::ExperimentError;
+use vernis::report::ReportError;
 use vernis_metric::brdf::models::ModelError;
 use vernis_metric::brdf::{BrdfError, TableError};
 use vernis_metric::fit::FitError;
@@ -28,6 +29,17 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// The same with what was going on before its message.
+    pub fn beneath(self, context: &str) -> Self {
+        match self {
+            Self::Input(message) => Self::Input(format!("{context}: {message}")),
+            Self::NotFound(message) => Self::NotFound(format!("{context}: {message}")),
+            Self::Failed(message) => Self::Failed(format!("{context}: {message}")),
+            Self::Unknown { message, nearest } => Self::Unknown { message: format!("{context}: {message}"), nearest },
+            Self::Python(error) => Self::Python(error),
+        }
+    }
+
     fn raise(self, py: Python<'_>) -> PyResult<PyErr> {
         let errors = py.import("vernis._errors")?;
         let named = |class: &str, message: String| -> PyResult<PyErr> {
@@ -139,6 +151,16 @@ impl From<ExperimentError> for Fault {
             ExperimentError::Unsupported { .. } | ExperimentError::Setting { .. } | ExperimentError::Metric { .. } => {
                 Self::Input(message)
             }
+            _ => Self::Failed(message),
+        }
+    }
+}
+
+impl From<ReportError> for Fault {
+    fn from(error: ReportError) -> Self {
+        let message = error.to_string();
+        match error {
+            ReportError::Unwritable { .. } | ReportError::Lock(_) => Self::Input(message),
             _ => Self::Failed(message),
         }
     }

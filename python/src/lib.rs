@@ -25,6 +25,7 @@ fn _vernis(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(brdf::models, m)?)?;
     m.add_function(wrap_pyfunction!(brdf::fields, m)?)?;
     m.add_function(wrap_pyfunction!(brdf::directions, m)?)?;
+    m.add_function(wrap_pyfunction!(brdf::locate, m)?)?;
     m.add_function(wrap_pyfunction!(metric::metrics, m)?)?;
     m.add_function(wrap_pyfunction!(metric::distances, m)?)?;
     m.add_function(wrap_pyfunction!(metric::resolve, m)?)?;

@@ -4,13 +4,19 @@ use crate::compute::long;
 use crate::fault::Fault;
 use pyo3::prelude::*;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::evaluation::records::BenchmarkRecord;
-use vernis::experiment::train::loss_name;
-use vernis::experiment::{BenchmarkOptions, TrainOptions};
-use vernis::report::tables;
+use vernis::experiment::train::{Stage, loss_name, metric_name};
+use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
+use vernis::report::{self, OutputFolder, pictures, tables, write_benchmark, write_numbers};
 use vernis_metric::descriptor::Cache;
+use vernis_metric::io::Observer;
+use vernis_metric::light::Light;
+
+/// Materials with pictures in the report, and the layout of the lamps they are under: as the program has them.
+const MOST_PICTURED: usize = 10;
+const PICTURED_LAMPS: usize = 1;
 
 /// How a study is measured.
 #[derive(FromPyObject)]
@@ -51,13 +57,12 @@ impl Options {
     }
 }
 
-/// A metric and the one to fit with, as files, and the record of the measurement.
+/// The files of a metric, of the one to fit with, and of the report, and the record of the measurement.
 #[pyclass(frozen, get_all, module = "vernis._vernis")]
 pub struct Trained {
-    name: String,
-    metric: String,
-    loss_name: String,
-    loss: String,
+    metric: PathBuf,
+    loss: PathBuf,
+    report: PathBuf,
     measured: Measured,
 }
 
@@ -77,23 +82,70 @@ pub fn default_study(data: Option<PathBuf>) -> Result<(String, Option<String>), 
     Ok((study.name, missing.map(|missing| missing.to_string())))
 }
 
-/// Trains a metric on a study.
+/// Trains a metric on a study. What is finished is written to `out` stage by stage, as the program does.
 #[pyfunction]
-pub fn train(py: Python<'_>, options: Options, progress: Option<Py<PyAny>>) -> Result<Trained, Fault> {
+pub fn train(py: Python<'_>, options: Options, out: PathBuf, progress: Option<Py<PyAny>>) -> Result<Trained, Fault> {
     long(py, progress.as_ref(), |observer, _| {
         let mut warnings = Vec::new();
         let study = options.study()?;
-        let how = TrainOptions { name: options.name.clone(), benchmark: options.benchmark(&mut warnings) };
-        let trained = vernis::experiment::train(&study, &how, observer)?;
-        warnings.extend(trained.warnings.iter().map(ToString::to_string));
-        Ok(Trained {
-            name: trained.metric.name.clone(),
-            metric: trained.metric.to_json()?,
-            loss_name: loss_name(&trained.metric.name),
-            loss: trained.loss.to_json()?,
-            measured: measured(&trained.benchmark, warnings)?,
-        })
+        let name = options.name.clone().unwrap_or_else(|| metric_name(&study));
+        let how = options.benchmark(&mut warnings);
+        // Found unwritable before the work, not after it.
+        let folder = OutputFolder::claim(out)?;
+        spare(&options.study, &folder)?;
+        let mut measurement = Measurement::of(&study, &how, Purpose::Train, observer)?;
+        write_numbers(&folder, measurement.record())?;
+        let (metric, loss, report) = finish(&mut measurement, &name, &options, &folder, observer).map_err(|fault| {
+            fault.beneath(&format!(
+                "the measurement is finished and written ({}), but what follows it failed",
+                folder.path().join("benchmark.json").display()
+            ))
+        })?;
+        warnings.extend(measurement.warnings.iter().map(ToString::to_string));
+        Ok(Trained { metric, loss, report, measured: measured(measurement.record(), warnings)? })
     })
+}
+
+/// What follows the measurement; returns the paths of the metric, of the one to fit with, and of the report.
+fn finish(
+    measurement: &mut Measurement,
+    name: &str,
+    options: &Options,
+    folder: &OutputFolder,
+    observer: Observer<'_>,
+) -> Result<(PathBuf, PathBuf, PathBuf), Fault> {
+    for stage in Stage::ALL {
+        measurement.run(stage, observer)?;
+        write_numbers(folder, measurement.record())?;
+    }
+    let export = || -> Result<(PathBuf, PathBuf), Fault> {
+        let metric = measurement.export(Some(name), observer)?;
+        let metric = folder.write(&format!("{name}.vernis.json"), metric.to_json()?.as_bytes())?;
+        let loss = measurement.export_loss(Some(name), observer)?;
+        Ok((metric, folder.write(&format!("{}.vernis.json", loss_name(name)), loss.to_json()?.as_bytes())?))
+    };
+    let exported = export();
+    // Whatever became of the one, the other is finished.
+    let (record, light, data) = (measurement.record(), Light::lamps(PICTURED_LAMPS), options.data.as_deref());
+    let materials = pictures::of_study(measurement.study(), data, Some(record), &light, MOST_PICTURED)
+        .map_err(|e| Fault::Failed(e.to_string()));
+    let page = materials
+        .and_then(|materials| Ok(write_benchmark(folder, record, &materials, "lamps that are defined by code")?));
+    let (metric, loss) = exported?;
+    Ok((metric, loss, page?))
+}
+
+/// That the study is none of the files that are written beside the metrics.
+fn spare(study: &str, folder: &OutputFolder) -> Result<(), Fault> {
+    let place = |path: &Path| path.canonicalize().ok();
+    let Some(read) = place(Path::new(study)) else { return Ok(()) };
+    match report::FILES.iter().find(|name| place(&folder.path().join(name)).as_ref() == Some(&read)) {
+        Some(name) => Err(Fault::Input(format!(
+            "out is {}, where {name} would replace the study {study}; choose another folder",
+            folder.path().display()
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Measures all metrics on a study.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +24,11 @@ def test_training_is_that_of_the_program(program, plastic, rougher, tmp_path) ->
     assert trained.metric.synthetic and "SYNTHETIC" in trained.metric.quote() and "SYNTHETIC" in str(trained.agreement)
     assert trained.metric(plastic, plastic) == 0.0 and trained.loss(plastic, rougher) > 0
     assert trained.loss.differentiable and stages
+    # The same files, whatever their order; pages name the command.
+    names = sorted(path.name for path in (tmp_path / "program").iterdir())
+    assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == names and trained.report_path.name in names
+    for name in (name for name in names if name.endswith(".csv")):
+        assert (tmp_path / "mine" / name).read_bytes() == (tmp_path / "program" / name).read_bytes(), name
     record = json.loads((tmp_path / "program" / "benchmark.json").read_text())
     assert trained.agreement.record["headline"] == record["headline"]
     # A file never hides another metric, nor stands under its name.
@@ -35,6 +41,62 @@ def test_training_is_that_of_the_program(program, plastic, rougher, tmp_path) ->
     twin.write_text(copy.read_text())
     with pytest.raises(vernis.InputError, match="ask for only one"):
         vernis.compare(plastic, rougher, [copy, twin])
+
+
+def small_study(folder) -> Path:
+    """Five materials with five candidates each, graded by a rule: enough to train on."""
+    lines = ["reference,candidate,mos,material"]
+    for number in range(5):
+        kd, alpha = 0.1 + 0.05 * number, 0.08 + 0.04 * number
+        for step, factor in enumerate((1.0, 1.2, 1.5, 2.0, 2.6)):
+            vernis.model("ggx", kd=kd / factor, f0=0.04, alpha=min(1.0, alpha * factor)).save(folder / f"m{number}-{step}.json")
+            lines.append(f"m{number}-0.json,m{number}-{step}.json,{4.5 - 0.8 * step - 0.05 * number},m{number}")
+    path = folder / "ratings.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_what_is_measured_stays_when_what_follows_is_interrupted(tmp_path) -> None:
+    study, out = small_study(tmp_path), tmp_path / "out"
+
+    def stop(stage: str, done: int, total: int) -> None:
+        if (out / "benchmark.json").exists():
+            raise LookupError(stage)
+
+    with pytest.raises(LookupError):
+        vernis.train(study, out, folds=4, resamples=40, progress=stop)
+    record = json.loads((out / "benchmark.json").read_text())
+    assert record["metrics"] and {path.suffix for path in out.iterdir()} == {".json", ".csv"}
+    assert not list(out.glob("*.vernis.json"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"name": "../mine"}, "begin with a letter or digit"),
+        ({"name": ""}, "begin with a letter or digit"),
+        ({"name": 3}, "name is 3"),
+        ({"name": "vernis"}, "is a metric of vernis itself"),
+        ({"name": "ot"}, "is a metric of vernis itself"),
+        ({"out": "file/out"}, "file/out"),
+    ],
+)
+def test_training_that_could_not_be_written_is_refused_before_the_work(wrong, said: str, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+
+    def told(*news: object) -> None:
+        raise AssertionError("work began")
+
+    with pytest.raises(vernis.InputError, match=said):
+        vernis.train(**{"study": "synthetic", "out": tmp_path / "out", "progress": told, **wrong})
+
+
+def test_the_study_is_never_replaced_by_results(tmp_path) -> None:
+    study = small_study(tmp_path).rename(tmp_path / "metrics.csv")
+    with pytest.raises(vernis.InputError, match="would replace the study"):
+        vernis.train(study, tmp_path)
+    assert study.read_text().startswith("reference,")
 
 
 def test_the_embedded_study_in_place_of_the_open_one_is_no_secret(tmp_path) -> None:

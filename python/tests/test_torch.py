@@ -30,7 +30,11 @@ def ggx(kd, f0: float, alpha, wi, wo):
 
 @pytest.mark.parametrize("name", ["vernis-loss", "vernis", "ot", "D4.Cl.CR"])
 def test_adam_recovers_the_roughness(name: str) -> None:
-    """On a shiny material. `ot` grows like the root of a difference, with a cusp at zero: its square has none. `vernis` is lowest where it predicts the highest score, which for others is up to 2.5 % from the truth."""
+    """On a shiny material.
+
+    `ot` grows like the root of a difference, with a cusp at zero: its square has none. `vernis` is lowest where it predicts the highest
+    score, which for others is up to 2.5 % from the truth.
+    """
     kd = torch.tensor([0.1, 0.1, 0.1], dtype=DOUBLE)
     truth = torch.tensor(0.2, dtype=DOUBLE)
 

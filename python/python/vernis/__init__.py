@@ -26,7 +26,8 @@ from ._brdf import Brdf, Grid, Model, Parameter, Table, model, models, open
 from ._errors import Error, InputError, NotFoundError, UnknownNameError
 from ._export import Cost, Material, export
 from ._fit import Fit, fit
-from ._metric import Metric, Nodes, Prepared, Score, compare, metric, metrics, score
+from ._metric import Metric, Nodes, Prepared, Score, metric, metrics
+from ._score import compare, score
 from ._study import Benchmark, Trained, benchmark, train
 from ._vernis import __version__
 

@@ -20,6 +20,8 @@ __all__ = ["Brdf", "Grid", "Model", "Parameter", "Table", "model", "models", "op
 
 #: Pixels a side of the sphere in notebooks.
 _SIDE = 96
+#: And of the largest picture, which takes 400 MB while it is made.
+_LARGEST = 192
 
 
 @dataclass(frozen=True)
@@ -219,9 +221,12 @@ class Brdf:
         path.write_text(json.dumps({"model": self.model, **(self.parameters or {})}, indent=2) + "\n", encoding="utf-8")
 
     def png(self, side: int = _SIDE) -> bytes:
-        """A picture: a sphere of `side` pixels under lamps, as a PNG file, transparent beside the sphere."""
-        if not 1 <= side <= 1024:
-            raise InputError(f"side is {side}; it must be 1 to 1024")
+        """A picture: a sphere of `side` pixels under lamps, as a PNG file, transparent beside the sphere.
+
+        The first picture of a size takes seconds; later ones up to 96 pixels take milliseconds. For larger pictures use a renderer.
+        """
+        if not 1 <= side <= _LARGEST:
+            raise InputError(f"side is {side}; it must be 1 to {_LARGEST}")
         return self._handle.png(side)
 
     def __repr__(self) -> str:

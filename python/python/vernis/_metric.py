@@ -1,10 +1,9 @@
-"""Metrics: distances between BRDFs, and their gradients."""
+"""Metrics: distances between BRDFs, and their gradients. Many metrics and many pairs are in `_score`."""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Union
 
@@ -15,10 +14,7 @@ from ._brdf import Brdf, BrdfLike, as_brdf, figure
 from ._errors import InputError
 from ._progress import ProgressLike, reporter
 
-__all__ = ["Metric", "Nodes", "Prepared", "Score", "compare", "metric", "metrics", "score"]
-
-#: The metric that is used where none is named.
-DEFAULT = "vernis"
+__all__ = ["Metric", "Nodes", "Prepared", "Score", "metric", "metrics"]
 
 
 @dataclass(frozen=True)
@@ -335,152 +331,3 @@ def differentiable(name: MetricLike, reference: BrdfLike) -> Prepared:
 def metrics() -> dict[str, dict[str, Any]]:
     """All metrics that have a name of their own, each with version, family, unit, summary, source, and what it can do."""
     return {properties["name"]: dict(properties) for properties in _vernis.metrics()}
-
-
-def _chosen(names: MetricLike | Iterable[MetricLike]) -> list[Metric]:
-    names = [names] if isinstance(names, (str, os.PathLike, Metric)) else list(names)
-    found: dict[str, Metric] = {}
-    for name in names:
-        is_name = isinstance(name, str) and not name.endswith(".json")
-        members: list[MetricLike] = list(_vernis.resolve(str(name))) if is_name else [name]
-        for one in map(metric, members):
-            known = found.setdefault(one.name, one)
-            if known is not one and not (is_name or known._source == one._source):
-                raise InputError(f"{name}: its metric is called {one.name!r}, and so is another one that was asked for; ask for only one")
-    if not found:
-        raise InputError("metrics is empty; name at least one")
-    return list(found.values())
-
-
-def compare(
-    reference: BrdfLike,
-    candidate: BrdfLike,
-    metrics: MetricLike | Iterable[MetricLike] = DEFAULT,
-    data: Any = None,
-) -> dict[str, float]:
-    """The distances of a pair under any number of metrics.
-
-    Parameters
-    ----------
-    reference, candidate : str, Brdf or function
-        Notations, BRDFs, or functions (wi, wo) -> values.
-    metrics : str, Metric, or several
-        ``"all-lp"`` stands for the 36 of the study.
-    data : path, optional
-        Folder that relative notations are looked up in.
-
-    Returns
-    -------
-    dict of str to float
-        Names of metrics and distances, in the order of `metrics`.
-    """
-    pair = as_brdf(reference, "reference", data), as_brdf(candidate, "candidate", data)
-    chosen = _chosen(metrics)
-    [(found, reason)] = _vernis.distances([m._handle for m in chosen], [(pair[0]._handle, pair[1]._handle)], None)
-    if reason is not None:
-        raise InputError(reason)
-    return {m.name: parts[0] for m, parts in zip(chosen, found)}
-
-
-def score(
-    rows: Any,
-    metrics: MetricLike | Iterable[MetricLike] = DEFAULT,
-    *,
-    reference: str = "reference",
-    candidate: str = "candidate",
-    errors: str = "raise",
-    data: Any = None,
-    progress: ProgressLike = None,
-) -> dict[str, Any]:
-    """Scores many pairs on all cores.
-
-    Parameters
-    ----------
-    rows : iterable of (reference, candidate), dict of columns, or a pandas or polars frame
-        Each entry is a notation, a Brdf, or a function.
-    metrics : str, Metric, or several
-    reference, candidate : str
-        Names of the two columns, where `rows` has columns.
-    errors : {"raise", "nan"}
-        What to do with a pair that cannot be compared: raise, or give NaN and the reason in the column ``"reason"``.
-    data : path, optional
-        Folder that relative notations are looked up in.
-    progress : bool or callable, optional
-        True for a bar of tqdm, or a function (stage, done, total).
-
-    Returns
-    -------
-    dict of str to ndarray of float64
-        One column a metric, in the order of `rows`; for learned metrics also ``mos``, ``mos_low`` and ``mos_high``, with
-        ``:NAME`` behind them for all but the first. ``pandas.DataFrame(result)`` and ``polars.DataFrame(result)`` take it as it is.
-    """
-    if errors not in ("raise", "nan"):
-        raise InputError(f"errors is {errors!r}; it must be 'raise' or 'nan'")
-    pairs = _pairs(rows, reference, candidate)
-    chosen = _chosen(metrics)
-    opened: dict[Any, Brdf | str] = {}
-
-    def open_once(source: Any, row: int, what: str) -> Brdf | str:
-        key = os.fspath(source) if isinstance(source, (str, os.PathLike)) else id(source)
-        if key not in opened:
-            try:
-                opened[key] = as_brdf(source, what, data)
-            except Exception as error:
-                if errors == "raise":
-                    error.add_note(f"row {row} of the pairs") if hasattr(error, "add_note") else None
-                    raise
-                opened[key] = str(error)
-        return opened[key]
-
-    ready, reasons = [], [""] * len(pairs)
-    for row, (a, b) in enumerate(pairs):
-        a, b = open_once(a, row, f"row {row}: {reference}"), open_once(b, row, f"row {row}: {candidate}")
-        if isinstance(a, Brdf) and isinstance(b, Brdf):
-            ready.append((row, a, b))
-        else:
-            reasons[row] = a if isinstance(a, str) else str(b)
-    with reporter(progress) as report:
-        found = _vernis.distances([m._handle for m in chosen], [(a._handle, b._handle) for _, a, b in ready], report)
-    columns: dict[str, Any] = {m.name: np.full(len(pairs), np.nan) for m in chosen}
-    for (row, _, _), (measured, reason) in zip(ready, found):
-        if reason is not None:
-            if errors == "raise":
-                raise InputError(f"row {row} of the pairs: {reason}")
-            reasons[row] = reason
-            continue
-        scored = 0
-        for m, (value, predicted, _) in zip(chosen, measured):
-            columns[m.name][row] = value
-            if predicted is not None:
-                suffix = f":{m.name}" if scored else ""
-                scored += 1
-                for name, number in zip(("mos", "mos_low", "mos_high"), predicted):
-                    columns.setdefault(name + suffix, np.full(len(pairs), np.nan))[row] = number
-    if errors == "nan":
-        columns["reason"] = np.array(reasons, dtype=object)
-    return columns
-
-
-def _pairs(rows: Any, reference: str, candidate: str) -> list[tuple[Any, Any]]:
-    """The pairs of rows, of a dict of columns, or of a frame."""
-    names: Any = getattr(rows, "columns", None)
-    if isinstance(rows, Mapping) or names is not None:
-        names = [str(name) for name in (rows if isinstance(rows, Mapping) else names)]
-        for name in (reference, candidate):
-            if name not in names:
-                raise InputError(f"rows has no column {name!r}; its columns are {', '.join(map(str, names))}")
-        columns = [list(rows[name]) for name in (reference, candidate)]
-        if len(columns[0]) != len(columns[1]):
-            raise InputError(f"the columns {reference!r} and {candidate!r} have {len(columns[0])} and {len(columns[1])} rows")
-        return list(zip(*columns))
-    pairs = []
-    for place, row in enumerate(rows):
-        if isinstance(row, Mapping):
-            if reference not in row or candidate not in row:
-                raise InputError(f"row {place} has no {reference!r} or no {candidate!r}")
-            pairs.append((row[reference], row[candidate]))
-            continue
-        if isinstance(row, str) or not hasattr(row, "__len__") or len(row) != 2:
-            raise InputError(f"row {place} is {row!r}; it must be a pair (reference, candidate), or a dict with both")
-        pairs.append((row[0], row[1]))
-    return pairs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -61,12 +62,14 @@ class Trained:
         How well the recipe agrees with people, on held-out rows.
     path, loss_path : Path
         The files of the two.
+    report_path : Path
+        A page with tables and figures on the agreement: ``report.html``.
     """
 
-    __slots__ = ("agreement", "loss", "loss_path", "metric", "path")
+    __slots__ = ("agreement", "loss", "loss_path", "metric", "path", "report_path")
 
-    def __init__(self, path: Path, loss_path: Path, agreement: Benchmark) -> None:
-        self.path, self.loss_path, self.agreement = path, loss_path, agreement
+    def __init__(self, path: Path, loss_path: Path, report_path: Path, agreement: Benchmark) -> None:
+        self.path, self.loss_path, self.report_path, self.agreement = path, loss_path, report_path, agreement
         self.metric: Metric = metric(path)
         self.loss: Metric = metric(loss_path)
 
@@ -94,9 +97,13 @@ def train(
         ``"lavoue2021-open"``, ``"synthetic"``, or a CSV file of one's own ratings; by default the open study where the data folder has
         it, else the embedded synthetic one, with a warning.
     out : path
-        Folder for the two metric files and ``benchmark.json``; it is made where it is missing. Files of these names are replaced.
+        Folder for the files that ``vernis train`` writes: ``benchmark.json`` and tables as CSV, which are written as soon as the
+        metrics are measured and again after each stage that follows, then the two metrics, then ``report.html`` with its figures. It
+        is made where it is missing. Files of these names are replaced. What is written stays if a later stage fails or is
+        interrupted.
     name : str, optional
-        Of the exported metric.
+        Of the exported metric: letters, digits, ``-``, ``_`` and ``.``, and no name of `metrics`. By default ``vernis-STUDY``, and
+        ``vernis`` for the open study.
     folds : int, optional
         Cross-validation folds, by material.
     resamples : int
@@ -114,18 +121,10 @@ def train(
     -------
     Trained
     """
-    folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"out is {folder}, where no folder can be made: {error}") from error
+    options = _options(study, _free(name), folds, resamples, seed, variants, data)
     with reporter(progress) as report:
-        found = _vernis.train(_options(study, name, folds, resamples, seed, variants, data), report)
-    path, loss_path = (folder / f"{stem}.vernis.json" for stem in (found.name, found.loss_name))
-    path.write_text(found.metric, encoding="utf-8")
-    loss_path.write_text(found.loss, encoding="utf-8")
-    (folder / "benchmark.json").write_text(found.measured[0], encoding="utf-8")
-    return Trained(path, loss_path, Benchmark(*found.measured))
+        found = _vernis.train(options, os.fspath(out), report)
+    return Trained(Path(found.metric), Path(found.loss), Path(found.report), Benchmark(*found.measured))
 
 
 def benchmark(
@@ -141,6 +140,23 @@ def benchmark(
     """Measures all metrics on a study under nested cross-validation, without exporting one. Parameters as for `train`."""
     with reporter(progress) as report:
         return Benchmark(*_vernis.benchmark(_options(study, None, folds, resamples, seed, variants, data), report))
+
+
+def _free(name: str | None) -> str | None:
+    """The name of a metric and of a file, which is that of no other metric."""
+    if name is None:
+        return None
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
+        raise InputError(
+            f"name is {name!r}; it must begin with a letter or digit and have at most 100 letters, digits, '-', '_' and '.'"
+        )
+    for taken in (name, f"{name}-loss"):
+        try:
+            _vernis.resolve(taken)
+        except InputError:
+            continue
+        raise InputError(f"name is {name!r}; {taken} is a metric of vernis itself: choose another name")
+    return name
 
 
 def _options(

@@ -83,6 +83,7 @@ class Distance(torch.nn.Module):
         return self.prepared.nodes
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
+        """The distance of one candidate, or those of a batch: what calling the module gives."""
         if not isinstance(values, torch.Tensor):
             raise InputError(f"values is a {type(values).__name__}; it must be a Tensor")
         if not values.dtype.is_floating_point:

@@ -4,7 +4,8 @@
 //!
 //! Radiance above 1 / [`EXPOSURE`] is cut off. The exposure is the same for every material, so that bright and dark ones can
 //! be told apart. The picture is that of the BRDF's node table, as the descriptors see it: the finest highlights of mirrors
-//! are blunted. Source of the curve: IEC 61966-2-1. Cost: a sphere of 48 pixels a side takes 1 ms a BRDF.
+//! are blunted. Source of the curve: IEC 61966-2-1. Cost: [`Sphere::new`] takes about 1 ms and 10 kB a normal, and then a sphere of
+//! 48 pixels a side 1 ms a BRDF: keep it.
 
 use super::{Light, LightError, NodeTable, Operator, Sampling};
 use crate::brdf::Brdf;
@@ -12,8 +13,13 @@ use crate::math::{Rgb, Vec3};
 
 /// White paper under the lights of mean luminance 3 that [`Light`] makes comes out at about 1.
 pub const EXPOSURE: f64 = 0.3;
+/// Pixels a side of the largest picture with several normals a pixel; in larger ones a pixel spans little of the sphere.
+const SMALL: usize = 48;
+
 /// Normals a pixel, along each axis.
-const SUB_SAMPLES: usize = 2;
+fn sub_samples(side: usize) -> usize {
+    if side <= SMALL { 2 } else { 1 }
+}
 
 /// A sphere under a light, ready for any BRDF.
 pub struct Sphere {
@@ -26,20 +32,20 @@ pub struct Sphere {
 impl Sphere {
     /// A picture of `side` x `side` pixels that the sphere fills.
     pub fn new(side: usize, light: &Light) -> Self {
+        let subs = sub_samples(side);
         let normals = |pixel: usize| -> Vec<Vec3> {
-            let at = |cell: usize, sub: usize| {
-                (cell as f64 + (sub as f64 + 0.5) / SUB_SAMPLES as f64) / side as f64 * 2.0 - 1.0
-            };
-            (0..SUB_SAMPLES * SUB_SAMPLES)
+            let at =
+                |cell: usize, sub: usize| (cell as f64 + (sub as f64 + 0.5) / subs as f64) / side as f64 * 2.0 - 1.0;
+            (0..subs * subs)
                 .filter_map(|s| {
-                    let (x, y) = (at(pixel % side, s % SUB_SAMPLES), -at(pixel / side, s / SUB_SAMPLES));
+                    let (x, y) = (at(pixel % side, s % subs), -at(pixel / side, s / subs));
                     let z2 = 1.0 - x * x - y * y;
                     (z2 > 0.0).then(|| Vec3::new(x, y, z2.sqrt()))
                 })
                 .collect()
         };
         let shown: Vec<(usize, Vec<Vec3>)> =
-            (0..side * side).map(|p| (p, normals(p))).filter(|(_, n)| n.len() == SUB_SAMPLES * SUB_SAMPLES).collect();
+            (0..side * side).map(|p| (p, normals(p))).filter(|(_, n)| n.len() == subs * subs).collect();
         let (pixels, normals): (Vec<usize>, Vec<Vec<Vec3>>) = shown.into_iter().unzip();
         Self { side, pixels, operator: Operator::build(&normals, std::slice::from_ref(light), Sampling::Averages) }
     }
@@ -99,6 +105,24 @@ mod tests {
         assert_eq!(picture[0], None);
         let shown = picture.iter().flatten().count() as f64;
         assert!((shown / 1024.0 - std::f64::consts::PI / 4.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn one_normal_in_a_large_picture_is_one_of_four_in_a_small_one() {
+        let brdf = Lambert { kd: [0.5, 0.3, 0.1] };
+        let pictures = [25, 50].map(|side| Sphere::new(side, &Light::lamps(1)).radiance(&brdf).unwrap());
+        let mut compared = 0;
+        for (pixel, small) in pictures[0].iter().enumerate() {
+            let (x, y) = (2 * (pixel % 25), 2 * (pixel / 25));
+            let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| pictures[1][y * 50 + x]);
+            let all = four.iter().all(Option::is_some);
+            assert_eq!(small.is_some(), all);
+            let Some(small) = small else { continue };
+            let mean: f64 = four.iter().flatten().map(|rgb| rgb[0] / 4.0).sum();
+            assert!((mean / small[0] - 1.0).abs() < 1e-5, "{mean} {small:?}");
+            compared += 1;
+        }
+        assert!(compared > 400);
     }
 
     #[test]

@@ -10,8 +10,8 @@ Three steps:
 >>> vernis.fit(reference, "ward-duer").brdf                                  # a fit under the metric to fit with
 
 Wherever a BRDF is asked for, a notation (a file, a material of an archive), a `Brdf`, or a function ``(wi, wo) -> values`` of arrays
-will do; so will a dictionary or XML of a Mitsuba BSDF, where Mitsuba is installed. Directions are unit vectors with +z the normal, ``wi`` towards the light and ``wo`` towards the viewer; values are linear RGB,
-1/sr, cosine not included.
+will do; so will a dictionary or XML of a Mitsuba BSDF, where Mitsuba is installed. Directions are unit vectors with +z the normal,
+``wi`` towards the light and ``wo`` towards the viewer; values are linear RGB, 1/sr, cosine not included.
 
 For an optimiser of your own: `Metric.prepare` pays for the reference once, `Prepared.nodes` says where the metric looks, and
 `Prepared.value_and_grad` gives the distance and its gradient by the values there. `vernis.torch`, `vernis.drjit` and

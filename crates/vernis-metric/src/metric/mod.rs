@@ -139,7 +139,7 @@ impl MetricError {
 /// What a metric that was learned from ratings predicts for a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// In points of mean opinion score (MOS) worse than identical BRDFs, 0 or more: 0 is identical, larger is worse.
+    /// In points of mean opinion score (MOS) worse than identical BRDFs, 0 or more: identical BRDFs get 0, larger is worse.
     pub distance: f64,
     /// Mean opinion score, on the scale.
     pub mos: f64,

@@ -15,9 +15,9 @@ pub fn markdown(record: &OptimizerRecord, command: &str) -> String {
          study, and by L-BFGS with the exact gradient, from the same start, with at most {} evaluations each. An evaluation of L-BFGS is a \
          value with its gradient, which costs two to three values. *lower or the same*: fits whose loss by L-BFGS is at most {SAME} above \
          that by Hooke-Jeeves. *after*: evaluations after which L-BFGS was as low as Hooke-Jeeves at its end, as a share of those of \
-         Hooke-Jeeves. Under a learned metric a few steps along single parameters follow L-BFGS, and their evaluations count. How many, and \
-         how long, was chosen while looking at this table for 15 references of the open study: what fits of other materials gain \
-         may be less.\n\n",
+         Hooke-Jeeves. Under a learned metric L-BFGS begins again from up to two other shapes of the lobe, until a third of the evaluations \
+         is spent; these count. When a search ends, and how many there are, was chosen while looking at this table for 15 references \
+         of the open study: what fits of other materials gain may be less.\n\n",
         markdown::code(command),
         counted(materials.len(), "reference"),
         markdown::text(&record.study),

@@ -2,8 +2,8 @@
 //!
 //! 1. The loss of the metric, and a cheaper one for the search: fewer cells for Lp, a coarser grid for metrics on graphs.
 //! 2. The starts: staged, fits under the logarithm (D9.Cl), or given parameters; further ones by rank, then by chance.
-//! 3. A search from each start under the cheap loss, in parallel; the best one counts (`search.rs`). Under a learned metric a search
-//!    by L-BFGS is followed by steps along single parameters, which cross the edges of such a loss, as long as they gain.
+//! 3. A search from each start under the cheap loss, in parallel; the best one counts (`search.rs`). Under a learned metric
+//!    L-BFGS begins again from other shapes of the lobe, until a third of the evaluations is spent.
 //! 4. A polish under the metric itself, with steps of a hundredth: by L-BFGS where there are gradients, else by the method
 //!    of the search.
 //!
@@ -13,9 +13,9 @@ use super::direct;
 use super::loss::{Lattice, Loss, LpLoss, MetricLoss};
 use super::objective::LossObjective;
 use super::optimizer::{FLAT, Improvement, Limits, Method, StopReason, is_flat_around, minimise};
-use super::search::{GAIN, STEP, Searched, TOLERANCE};
+use super::search::{GAIN, RIVALS, STEP, Searched, TOLERANCE};
 use super::space::AtBound;
-use super::start::{Candidate, staged};
+use super::start::{Candidate, ranked, staged};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
 use crate::brdf::models::AnalyticBrdf;
@@ -37,7 +37,8 @@ const LOG: LpVariant = LpVariant::new(Formula::D9, true, false);
 const LOG_EVALUATIONS: usize = 5000;
 /// A random start moves every coordinate by up to so much.
 const SCATTER: f64 = 1.0;
-/// Fits under the logarithm that end nearer to each other than this, in every coordinate, are one start.
+/// Fits under the logarithm that end nearer to each other than this, in every coordinate, are one start; so are staged ones, in those
+/// of their shapes.
 const SAME_START: f64 = 1e-2;
 
 /// Where a fit begins.
@@ -122,6 +123,8 @@ pub struct Fitted {
 /// Where the searches begin.
 pub(super) struct Starts {
     pub candidates: Vec<Candidate>,
+    /// Of other shapes than the first: where a search by gradients under a learned metric begins again.
+    pub rivals: Vec<Candidate>,
     /// The loss of the log fits that they are the results of.
     pub log: Option<LpLoss>,
 }
@@ -239,7 +242,8 @@ impl<'a> Fitting<'a> {
 
     pub(super) fn limits(&self, step: f64) -> Limits {
         let default = if lp_variant(self.metric).is_some() { 5000 } else { 400 };
-        Limits { max_evaluations: self.max_evaluations.unwrap_or(default), step, tolerance: TOLERANCE, gain: GAIN }
+        let max_evaluations = self.max_evaluations.unwrap_or(default);
+        Limits { max_evaluations, step, tolerance: TOLERANCE, gain: GAIN, patience: None }
     }
 
     /// What an observer of a search answers.
@@ -261,13 +265,17 @@ impl<'a> Fitting<'a> {
             self.go_on()
         };
         let lattice = || Lattice::new(reference, self.coarsening.max(3), 80);
-        let mut log = None;
+        let (mut log, mut rivals) = (None, Vec::new());
         let mut starts = match self.start_or_default() {
-            Start::Staged => staged(space, &lattice()?, search, self.starts, &count)?,
+            Start::Staged => {
+                let staged = ranked(space, &lattice()?, search, &count)?;
+                rivals = staged.other_shapes(space, RIVALS, SAME_START);
+                staged.best(self.starts)
+            }
             Start::Log | Start::LogAtOnce => {
                 let loss = LpLoss::new(reference, LOG, self.coarsening.max(2))?.ok_or_else(no_log)?;
                 let starts = staged(space, &lattice()?, &loss, self.starts, &count)?;
-                let limits = Limits { max_evaluations: LOG_EVALUATIONS, step: STEP, tolerance: TOLERANCE, gain: GAIN };
+                let limits = Limits { max_evaluations: LOG_EVALUATIONS, ..self.limits(STEP) };
                 let fit = |start: &Candidate| {
                     let objective = LossObjective::new(space, &loss, Method::HookeJeeves);
                     minimise(Method::HookeJeeves, &objective, &space.scaled(&start.parameters), limits, &|_| count())
@@ -298,7 +306,7 @@ impl<'a> Fitting<'a> {
             u.iter_mut().zip(space.bounds()).for_each(|(u, b)| *u = u.clamp(b.0, b.1));
             starts.push(Candidate { parameters: space.parameters(&u), value: f64::INFINITY });
         }
-        Ok(Starts { candidates: starts, log })
+        Ok(Starts { candidates: starts, rivals, log })
     }
 }
 

@@ -6,12 +6,13 @@
 use super::fitting::{Fitting, Start, Starts};
 use super::loss::{Blend, Loss};
 use super::objective::LossObjective;
-use super::optimizer::{Improvement, Limits, Method, Observer as Watch, Outcome, StopReason, minimise};
+use super::optimizer::{Improvement, Limits, Method, Observer as Watch, Outcome, Patience, StopReason, minimise};
 use super::start::Candidate;
 use super::{FitError, Space};
 use crate::io::{Observer, Progress};
 use crate::metric::learned::FAMILY;
 use rayon::prelude::*;
+use std::iter;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// t of the blends before the learned metric itself.
@@ -29,11 +30,16 @@ pub(super) const GAIN: f64 = 1e-6;
 const LEARNED_TOLERANCE: f64 = 1e-2;
 /// Nor is half a hundredth of the loss: a thousandth of an opinion score, where the metric itself is off by tenths.
 const LEARNED_GAIN: f64 = 5e-3;
-/// How often steps along single parameters follow a search by gradients, how many evaluations they have, and their first length:
-/// chosen on the table of `vernis experiment optimizers`.
-const CROSSINGS: usize = 2;
-const CROSSING_EVALUATIONS: usize = 48;
-const CROSSING_STEP: f64 = 0.2;
+/// L-BFGS under a learned metric, which has edges: it ends at steps below this, or when [`ROUND`] (variables + 1) evaluations have gained
+/// no more than this share of what the whole search has.
+const EDGE_TOLERANCE: f64 = 1e-6;
+const ROUND: usize = 2;
+const ROUND_SHARE: f64 = 0.015;
+/// From how many other shapes such a search begins again at most, within which part of the evaluations: a value with its gradient
+/// takes as long as two or three values, and a fit should take no longer than one without gradients. All five numbers were chosen on
+/// the table of `vernis experiment optimizers`.
+pub(super) const RIVALS: usize = 2;
+const RIVAL_SHARE: usize = 3;
 const POLISH_TOLERANCE: f64 = 1e-4;
 /// Evaluations of a polish: those under the whole metric are dear.
 const POLISH_EVALUATIONS: usize = 8;
@@ -47,12 +53,15 @@ pub(super) struct Searched {
     pub spent: usize,
 }
 
-/// What `further`, a search from the end of `found`, adds to it; `found` keeps its reason to stop.
+/// What `further`, a search after `found`, adds to it. The reason to stop is that of the lower one, unless somebody wished it to end.
 fn append(found: &mut Outcome, further: Outcome) {
     let lower = further.history.into_iter().filter(|step| step.value < found.value);
     let later = |step: Improvement| Improvement { evaluations: found.evaluations + step.evaluations, ..step };
     found.history.extend(lower.map(later).collect::<Vec<_>>());
     found.evaluations += further.evaluations;
+    if further.value < found.value || further.stop == StopReason::Interrupted {
+        found.stop = further.stop;
+    }
     if further.value < found.value {
         (found.x, found.value) = (further.x, further.value);
     }
@@ -75,11 +84,17 @@ impl Fitting<'_> {
             observer("search", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
             self.go_on()
         };
-        let from = |start: &Candidate| match (&starts.log, self.metric.properties().rough) {
+        let scaled = |start: &Candidate| space.scaled(&start.parameters);
+        let from = |(k, start): (usize, &Candidate)| match (&starts.log, self.metric.properties().rough) {
             (Some(log), true) => self.blended(space, start, log, loss, &watch),
-            _ => self.descend(&objective, &space.scaled(&start.parameters), self.limits(STEP), &watch),
+            _ => {
+                // They are rivals of the first.
+                let rivals = if k == 0 { &starts.rivals[..] } else { &[] };
+                let starts: Vec<Vec<f64>> = iter::once(start).chain(rivals).map(scaled).collect();
+                self.descend(&objective, &starts, self.limits(STEP), &watch)
+            }
         };
-        let outcomes: Vec<Result<Outcome, FitError>> = starts.candidates.par_iter().map(from).collect();
+        let outcomes: Vec<Result<Outcome, FitError>> = starts.candidates.par_iter().enumerate().map(from).collect();
         let mut best: Option<(Outcome, usize)> = None;
         for (k, outcome) in outcomes.into_iter().enumerate() {
             let outcome = match outcome {
@@ -100,40 +115,39 @@ impl Fitting<'_> {
         Ok(Searched { outcome, from, spent: done.into_inner() })
     }
 
-    /// A search by the method of the fit. A learned loss has edges: moduli of differences, and hollows of its kernel. A search by
-    /// gradients stops at an edge that steps along single parameters cross, so these follow it, a few at a time, as long as they
-    /// gain.
+    /// A search by the method of the fit from the first of `starts`.
+    ///
+    /// A learned loss has edges, moduli of differences and hollows of its kernel, and several minima. At an edge the steps of L-BFGS become
+    /// short long before the minimum, which lies along the edge: no step is too short there, and the search ends when a whole round of
+    /// evaluations gains next to nothing. Then it begins again from the other starts, while evaluations are left for them; one that
+    /// falls too slowly to become the best is given up.
     fn descend(
         &self,
         objective: &LossObjective<'_>,
-        start: &[f64],
+        starts: &[Vec<f64>],
         limits: Limits,
         watch: Watch<'_>,
     ) -> Result<Outcome, FitError> {
-        let mut found = minimise(self.method, objective, start, limits, watch)?;
         if self.method != Method::Lbfgs || self.metric.properties().family != FAMILY {
-            return Ok(found);
+            return minimise(self.method, objective, &starts[0], limits, watch);
         }
-        let left = |found: &Outcome| limits.max_evaluations.saturating_sub(found.evaluations);
-        for _ in 0..CROSSINGS {
-            if found.stop == StopReason::Interrupted || left(&found) < CROSSING_EVALUATIONS {
+        let evaluations = ROUND * (starts[0].len() + 1);
+        let patience = Patience { evaluations, share: ROUND_SHARE, beat: f64::INFINITY };
+        let limits = Limits { tolerance: EDGE_TOLERANCE, patience: Some(patience), ..limits };
+        let mut found = minimise(Method::Lbfgs, objective, &starts[0], limits, watch)?;
+        for rival in &starts[1..] {
+            let left = (limits.max_evaluations / RIVAL_SHARE).saturating_sub(found.evaluations);
+            if left == 0 || found.stop == StopReason::Interrupted {
                 break;
             }
-            let before = found.value;
-            let across = Limits { max_evaluations: CROSSING_EVALUATIONS, step: CROSSING_STEP, ..limits };
-            let crossed = minimise(Method::HookeJeeves, objective, &found.x, across, watch)?;
-            if crossed.stop == StopReason::Interrupted {
-                found.stop = StopReason::Interrupted;
+            let patience = Some(Patience { beat: found.value, ..patience });
+            let further =
+                minimise(Method::Lbfgs, objective, rival, Limits { max_evaluations: left, patience, ..limits }, watch);
+            match further {
+                // A start may lie where the metric has no value.
+                Err(FitError::Start { .. }) => continue,
+                further => append(&mut found, further?),
             }
-            append(&mut found, crossed);
-            let gained = found.value < before - GAIN * before.abs();
-            if found.stop == StopReason::Interrupted || !gained || left(&found) < CROSSING_EVALUATIONS {
-                break;
-            }
-            let onwards = Limits { max_evaluations: left(&found), step: CROSSING_STEP, ..limits };
-            let further = minimise(Method::Lbfgs, objective, &found.x, onwards, watch)?;
-            found.stop = further.stop;
-            append(&mut found, further);
         }
         Ok(found)
     }
@@ -178,7 +192,7 @@ impl Fitting<'_> {
         let objective = LossObjective::new(space, learned, self.method);
         let limits =
             Limits { max_evaluations: total - spent, tolerance: LEARNED_TOLERANCE, gain: LEARNED_GAIN, ..limits };
-        let mut outcome = self.descend(&objective, &x, limits, watch)?;
+        let mut outcome = self.descend(&objective, &[x], limits, watch)?;
         if of_learned < outcome.value {
             (outcome.x, outcome.value) = (origin, of_learned);
             outcome.history = vec![Improvement { evaluations: 1, value: of_learned }];
@@ -197,7 +211,13 @@ impl Fitting<'_> {
         let method = if smooth { Method::Lbfgs } else { self.method };
         let objective = LossObjective::new(space, loss, method);
         let total = POLISH_EVALUATIONS;
-        let limits = Limits { max_evaluations: total, step: POLISH_STEP, tolerance: POLISH_TOLERANCE, gain: GAIN };
+        let limits = Limits {
+            max_evaluations: total,
+            step: POLISH_STEP,
+            tolerance: POLISH_TOLERANCE,
+            gain: GAIN,
+            patience: None,
+        };
         let watch = |done| {
             observer("polish", Progress { done, total });
             self.go_on()

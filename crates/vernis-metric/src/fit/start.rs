@@ -67,6 +67,54 @@ pub fn staged(
     count: usize,
     observer: &(dyn Fn() -> ControlFlow<()> + Sync),
 ) -> Result<Vec<Candidate>, FitError> {
+    Ok(ranked(space, reference, loss, observer)?.best(count))
+}
+
+/// All starts that were tried and have a loss, best first.
+pub(super) struct Ranked {
+    all: Vec<Candidate>,
+    /// The parameters that are no colours.
+    shape: Vec<usize>,
+}
+
+impl Ranked {
+    /// The best of them, at most `count`, at least one.
+    pub fn best(mut self, count: usize) -> Vec<Candidate> {
+        self.all.truncate(count.max(1));
+        self.all
+    }
+
+    /// The best start of each shape but the first one's, at most `count`. Shapes that are nearer to each other than `same`, in every
+    /// coordinate of `space`, are one.
+    pub fn other_shapes(&self, space: &Space, count: usize, same: f64) -> Vec<Candidate> {
+        let shape = |c: &Candidate| -> Vec<f64> {
+            let scaled = space.scaled(&c.parameters);
+            self.shape.iter().map(|&k| scaled[k]).collect()
+        };
+        let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < same);
+        let mut shapes: Vec<Vec<f64>> = self.all.iter().take(1).map(shape).collect();
+        let mut others = Vec::new();
+        for candidate in &self.all {
+            let found = shape(candidate);
+            if others.len() < count && !shapes.iter().any(|known| near(known, &found)) {
+                shapes.push(found);
+                others.push(candidate.clone());
+            }
+        }
+        others
+    }
+}
+
+/// [`staged`], all of them.
+///
+/// # Errors
+/// Those of [`staged`].
+pub(super) fn ranked(
+    space: &Space,
+    reference: &Lattice,
+    loss: &dyn Loss,
+    observer: &(dyn Fn() -> ControlFlow<()> + Sync),
+) -> Result<Ranked, FitError> {
     let colours = LinearColours::of(space, reference)?;
     let mut tried = Tried { space, loss, observer, ended: false, all: Vec::new() };
     let start = space.start();
@@ -94,13 +142,13 @@ pub fn staged(
     all.retain(|c| c.value.is_finite());
     all.sort_by(|a, b| a.value.total_cmp(&b.value));
     all.dedup_by(|a, b| a.parameters == b.parameters);
-    all.truncate(count.max(1));
     if all.is_empty() {
         let reason = "the loss is finite at no start that was tried".to_owned();
         let refusal = space.build(&start).ok().and_then(|model| loss.refusal(&*model));
         return Err(FitError::Start { reason: refusal.map_or(reason.clone(), |e| format!("{reason} ({e})")) });
     }
-    Ok(all)
+    let is_colour = |k: &usize| colours.fields.iter().any(|f| (f.first..f.first + f.count).contains(k));
+    Ok(Ranked { all, shape: (0..start.len()).filter(|k| !is_colour(k)).collect() })
 }
 
 /// Values of a field, evenly spaced in the coordinates of the search.
@@ -324,6 +372,24 @@ mod tests {
             for (k, expected) in [(0, 0.1), (1, 0.3), (2, 0.02)] {
                 assert!((p[k] / expected - 1.0).abs() < 0.1, "{name}: {p:?}");
             }
+        }
+    }
+
+    #[test]
+    fn other_shapes_are_the_next_best_of_different_widths() {
+        let brdf = Ggx::new([0.2; 3], [0.04; 3], 0.2).unwrap();
+        let space = Space::of("ggx").unwrap();
+        let lattice = Lattice::new(&brdf, 3, 80).unwrap();
+        let loss = LpLoss::new(&brdf, "D9.Cl".parse().unwrap(), 3).unwrap().unwrap();
+        let found = ranked(&space, &lattice, &loss, &|| ControlFlow::Continue(())).unwrap();
+        assert_eq!(found.shape, [6], "the roughness");
+        let others = found.other_shapes(&space, 3, 1e-2);
+        let best = found.best(1);
+        let all: Vec<&Candidate> = best.iter().chain(&others).collect();
+        assert_eq!(all.len(), 4);
+        assert!(all.windows(2).all(|w| w[0].value <= w[1].value), "{all:?}");
+        for (k, a) in all.iter().enumerate() {
+            assert!(all[..k].iter().all(|b| (a.parameters[6] / b.parameters[6]).ln().abs() > 1e-2), "{all:?}");
         }
     }
 }

@@ -32,7 +32,7 @@ const DIMENSION: usize = 4;
 const JITTER: f64 = 1e-6;
 /// Points stay within this box.
 const BOUND: f64 = 10.0;
-const LIMITS: Limits = Limits { max_evaluations: 1000, step: 0.1, tolerance: 1e-6, gain: 1e-10 };
+const LIMITS: Limits = Limits { max_evaluations: 1000, step: 0.1, tolerance: 1e-6, gain: 1e-10, patience: None };
 
 #[derive(Debug, Clone)]
 pub(super) struct Latent {

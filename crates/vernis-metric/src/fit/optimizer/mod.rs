@@ -133,6 +133,21 @@ pub struct Limits {
     pub tolerance: f64,
     /// Of Hooke-Jeeves: a round of steps that gains less than this share of the value is not worth another one at the same step.
     pub gain: f64,
+    /// When the search is given up although its steps are longer than the tolerance; `None`: never.
+    pub patience: Option<Patience>,
+}
+
+/// How long a search may go on without gaining much. On a function with edges short steps do not tell a minimum: a search that creeps
+/// along an edge may fall far later on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Patience {
+    /// The search ends when so many evaluations have gained `share` of all that it gained, or less.
+    pub evaluations: usize,
+    /// A share of the value at the start minus the lowest value.
+    pub share: f64,
+    /// The search also ends when it would still be above this value after gaining as much again as in one and a half times `evaluations`;
+    /// infinite: nothing is to be beaten.
+    pub beat: f64,
 }
 
 /// An improvement on the way.
@@ -185,10 +200,16 @@ pub fn minimise(
         Method::NelderMead => nelder_mead::search,
         Method::Lbfgs => lbfgs::search,
     };
-    let found = search(&mut run, start).and_then(|stop| if run.is_flat()? { Ok(StopReason::Flat) } else { Ok(stop) });
+    let found = match search(&mut run, start) {
+        Err(Halt::GivenUp) => Ok(StopReason::Converged),
+        other => other,
+    };
+    run.limits.patience = None;
+    let found = found.and_then(|stop| if run.is_flat()? { Ok(StopReason::Flat) } else { Ok(stop) });
     let stop = match found {
         Ok(stop) => stop,
-        Err(Halt::Spent) => StopReason::EvaluationLimit,
+        // Given up: the search itself, above.
+        Err(Halt::Spent | Halt::GivenUp) => StopReason::EvaluationLimit,
         Err(Halt::Interrupted) => StopReason::Interrupted,
         Err(Halt::Failed(error)) => return Err(*error),
     };
@@ -204,18 +225,19 @@ pub fn minimise(
 /// # Errors
 /// Those of the objective.
 pub fn is_flat_around(objective: &dyn Objective, x: &[f64], step: f64) -> Result<bool, FitError> {
-    let limits = Limits { max_evaluations: usize::MAX, step, tolerance: 0.0, gain: 0.0 };
+    let limits = Limits { max_evaluations: usize::MAX, step, tolerance: 0.0, gain: 0.0, patience: None };
     let mut run = Run::new(objective, limits, &unwatched);
     match run.value(x).and_then(|_| run.is_flat()) {
         Ok(flat) => Ok(flat),
         Err(Halt::Failed(error)) => Err(*error),
-        Err(Halt::Spent | Halt::Interrupted) => Ok(false),
+        Err(Halt::Spent | Halt::GivenUp | Halt::Interrupted) => Ok(false),
     }
 }
 
 /// Why an optimiser must stop in the middle of its work.
 enum Halt {
     Spent,
+    GivenUp,
     Interrupted,
     Failed(Box<FitError>),
 }
@@ -276,6 +298,9 @@ impl<'a> Run<'a> {
         if self.evaluations >= self.limits.max_evaluations {
             return Err(Halt::Spent);
         }
+        if self.limits.patience.is_some_and(|patience| self.gives_up(patience)) {
+            return Err(Halt::GivenUp);
+        }
         // The first evaluation is always made: it is the best so far.
         let told = (self.observer)(self.evaluations + 1);
         if told.is_break() && self.evaluations > 0 {
@@ -283,6 +308,18 @@ impl<'a> Run<'a> {
         }
         self.evaluations += 1;
         Ok(())
+    }
+
+    fn gives_up(&self, patience: Patience) -> bool {
+        // The lowest value `ago` evaluations ago.
+        let before = |ago: usize| {
+            let then = self.evaluations.checked_sub(ago)?;
+            self.history.iter().rev().find(|step| step.evaluations <= then).map(|step| step.value)
+        };
+        let falls = |ago: usize| before(ago).map(|value| value - self.best_value);
+        let all = self.first.map_or(0.0, |first| first - self.best_value);
+        falls(patience.evaluations).is_some_and(|fall| fall <= patience.share * all)
+            || falls(patience.evaluations * 3 / 2).is_some_and(|fall| self.best_value - fall > patience.beat)
     }
 
     /// Whether nothing that was tried changed the value, nor does a first step along any variable. Zero is a minimum of any loss.

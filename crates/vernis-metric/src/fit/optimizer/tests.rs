@@ -43,7 +43,7 @@ fn bowl(bounds: (f64, f64)) -> Function {
     }
 }
 
-const LIMITS: Limits = Limits { max_evaluations: 20_000, step: 0.5, tolerance: 1e-7, gain: 1e-10 };
+const LIMITS: Limits = Limits { max_evaluations: 20_000, step: 0.5, tolerance: 1e-7, gain: 1e-10, patience: None };
 
 fn run(method: Method, function: &Function, start: &[f64]) -> Outcome {
     minimise(method, function, start, LIMITS, &unwatched).expect("finite")
@@ -66,6 +66,24 @@ fn edge() -> Function {
 fn lbfgs_follows_an_edge() {
     let found = run(Method::Lbfgs, &edge(), &[-1.2, 1.0]);
     assert!(found.value < 1e-3, "{found:?}");
+}
+
+#[test]
+fn a_search_without_prospects_is_given_up() {
+    let with = |patience: Option<Patience>| {
+        let limits = Limits { patience, ..LIMITS };
+        minimise(Method::Lbfgs, &edge(), &[-1.2, 1.0], limits, &unwatched).expect("finite")
+    };
+    let patience = Patience { evaluations: 20, share: 0.01, beat: f64::INFINITY };
+    let (whole, short) = (with(None), with(Some(patience)));
+    assert_eq!(short.stop, StopReason::Converged);
+    assert!(short.evaluations < whole.evaluations && short.value >= whole.value, "{short:?} {whole:?}");
+    let a_round_ago =
+        short.history.iter().rev().find(|step| step.evaluations + 20 <= short.evaluations).expect("longer");
+    assert!(a_round_ago.value - short.value <= 0.01 * (short.history[0].value - short.value), "{short:?}");
+    // The function is nowhere below 0: after the start and one and a half rounds there is nothing to hope for.
+    let beaten = with(Some(Patience { beat: -100.0, share: 0.0, ..patience }));
+    assert_eq!((beaten.stop, beaten.evaluations), (StopReason::Converged, 31));
 }
 
 #[test]

@@ -1,0 +1,1 @@
+//! How a screen shows a picture: tone curves and display models.

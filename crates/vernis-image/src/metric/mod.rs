@@ -1,0 +1,1 @@
+//! Metrics that compare two pictures, one file each.

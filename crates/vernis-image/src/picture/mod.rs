@@ -1,4 +1,11 @@
-//! Pictures: linear RGB pixels, and the files that hold them.
+//! Pictures: linear RGB pixels, what metrics are given, and the files that hold them.
+
+mod encoded;
+mod error;
+pub mod read;
+
+pub use encoded::{BRIGHTEST, EncodedPicture, Encoding, MOST_PIXELS};
+pub use error::{PictureError, ReadError};
 
 /// A picture of linear RGB values, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]

@@ -19,10 +19,11 @@
 //! Display: sRGB seen at 40 pixels a degree, fixed. Blind to: contrast of chroma (iCID sees it).
 
 use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, Properties};
-use super::lab2000hl::{Space, xyz};
+use super::lab2000hl::{Space, cielab, xyz};
 use super::plane::{Edge, Plane, gaussian};
 use super::s_cielab;
 use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use rayon::prelude::*;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -97,7 +98,9 @@ struct Reference {
 }
 
 fn seen(picture: &EncodedPicture, space: &Space) -> Seen {
-    Seen::new(&s_cielab::filtered(&xyz(picture), picture.width()), picture.width(), space, &gaussian(WINDOW, SIGMA))
+    let filtered = s_cielab::filtered(&xyz(picture), picture.width());
+    let colours: Vec<[f64; 3]> = filtered.par_iter().map(|c| space.of_cielab(cielab(*c))).collect();
+    Seen::new(&colours, picture.width(), &gaussian(WINDOW, SIGMA))
 }
 
 impl PreparedReference for Reference {
@@ -131,11 +134,9 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Of filtered XYZ.
-    pub fn new(xyz: &[[f64; 3]], width: usize, space: &Space, window: &[f64]) -> Self {
-        use rayon::prelude::*;
-        let colours: Vec<[f64; 3]> = xyz.par_iter().map(|c| space.of_xyz(*c)).collect();
-        let [lightness, a, b] = [0, 1, 2].map(|k| Plane::of_pixels(width, &colours, |c| c[k]));
+    /// Of lightness, a and b of every pixel.
+    pub fn new(colours: &[[f64; 3]], width: usize, window: &[f64]) -> Self {
+        let [lightness, a, b] = [0, 1, 2].map(|k| Plane::of_pixels(width, colours, |c| c[k]));
         let chroma = Plane::of_two(&a, &b, |a, b| (a * a + b * b).sqrt());
         let mean = |plane: &Plane| plane.correlate(window, window, Edge::Valid);
         let deviation = |plane: &Plane, mean_of: &Plane| {

@@ -12,13 +12,16 @@
 //! Source: Preiss, Fernandes and Urban 2014 (doi:10.1109/TIP.2014.2302684), version 1.00 of the authors' program; the filters are
 //! those of Reinhard, Khan, Akyuz and Johnson 2008 (ISBN 978-1-56881-344-8), that of luminance made a low-pass.
 //!
+//! MATLAB and Octave give different numbers where a filtered picture has a dark pixel ([`Clipping`]); `icid` is MATLAB's, which is what
+//! the paper means.
+//!
 //! Display: sRGB at 40 pixels a degree, fixed. Blind to: detail that the shrinking takes away.
 
 use super::cid::{Seen, WINDOW, space};
 use super::colour::{channel, decoded, inverse, times};
 use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, Properties};
 use super::frequency;
-use super::lab2000hl::{Space, xyz, xyz_of_light};
+use super::lab2000hl::{Space, cielab, is_dark, xyz, xyz_of_light};
 use super::plane::{Plane, gaussian, shrink};
 use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
 use rayon::prelude::*;
@@ -37,6 +40,9 @@ const SIDE: f64 = 256.0;
 /// Cycles a degree at half of the sampling rate.
 const CYCLES_PER_DEGREE: f64 = 20.0;
 
+/// The least a* and b* of the table.
+const LEAST: f64 = -128.0;
+
 /// XYZ to YCC.
 const YCC_FROM_XYZ: [[f64; 3]; 3] = [[0.0556, 0.9981, -0.0254], [0.9510, -0.9038, 0.0], [0.0386, 1.0822, -1.0276]];
 
@@ -45,6 +51,22 @@ const YCC_FROM_XYZ: [[f64; 3]; 3] = [[0.0556, 0.9981, -0.0254], [0.9510, -0.9038
 pub struct Icid {
     /// Whether colours are compared in CIELAB, which needs no table.
     pub in_cielab: bool,
+    /// How a* and b* are held to the table.
+    pub clipping: Clipping,
+}
+
+/// How a* and b* are held to -128..128, the range of the table.
+///
+/// The authors' program takes its filtered picture from `ifft2`, whose rounding leaves values with imaginary parts of about 1e-17. They
+/// reach a* or b* where X, Y or Z of any pixel is below the bend of CIELAB's curve, because only the other branch takes a real part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clipping {
+    /// By their values: MATLAB compares complex numbers by their real parts.
+    ByValue,
+    /// As Octave runs the program: it compares complex numbers by their magnitudes, |b*| is less than |-128|, and all b* of the picture
+    /// become -128 where any Z is dark (all a* where any X is, both where any Y is). Not iCID; for comparison with numbers that were
+    /// computed so.
+    ByMagnitude,
 }
 
 impl ImageMetric for Icid {
@@ -78,19 +100,20 @@ impl ImageMetric for Icid {
         conditions: &Conditions,
     ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
         let space = space(self.name(), "icid-cielab", self.in_cielab, conditions)?;
-        let seen = seen(reference, &space);
-        Ok(Box::new(Reference { space, seen }))
+        let seen = self.seen(reference, &space);
+        Ok(Box::new(Reference { metric: *self, space, seen }))
     }
 }
 
 struct Reference {
+    metric: Icid,
     space: Space,
     seen: Seen,
 }
 
 impl PreparedReference for Reference {
     fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let test = seen(test, &self.space);
+        let test = self.metric.seen(test, &self.space);
         let terms = self.seen.terms(&test, &gaussian(WINDOW, SIGMA));
         let [c1, c2, c3, c4, c5, c6, c7] = CONSTANTS;
         let contrast = |c: f64, a: f64, b: f64| (c + 2.0 * a * b) / (c + a * a + b * b);
@@ -109,21 +132,35 @@ impl PreparedReference for Reference {
     }
 }
 
-/// A picture made smaller and filtered.
-fn seen(picture: &EncodedPicture, space: &Space) -> Seen {
-    let smaller = picture.width().min(picture.height()) as f64;
-    let factor = (smaller / SIDE).round().max(1.0) as usize;
-    let window = gaussian(WINDOW, SIGMA);
+impl Icid {
+    /// A picture made smaller and filtered.
+    fn seen(self, picture: &EncodedPicture, space: &Space) -> Seen {
+        let (xyz, width, height) = smaller(picture);
+        let filtered = filtered(&xyz, width, height);
+        let [x, y, z]: [bool; 3] = std::array::from_fn(|k| filtered.par_iter().any(|c| is_dark(*c)[k]));
+        let held = self.clipping == Clipping::ByMagnitude;
+        let (hold_a, hold_b) = (held && (x || y), held && (z || y));
+        let colour = |c: &[f64; 3]| {
+            let [l, a, b] = cielab(*c);
+            space.of_cielab([l, if hold_a { LEAST } else { a }, if hold_b { LEAST } else { b }])
+        };
+        let colours: Vec<[f64; 3]> = filtered.par_iter().map(colour).collect();
+        Seen::new(&colours, width, &gaussian(WINDOW, SIGMA))
+    }
+}
+
+/// XYZ of a picture that was made smaller, its width and its height.
+fn smaller(picture: &EncodedPicture) -> (Vec<[f64; 3]>, usize, usize) {
+    let side = picture.width().min(picture.height()) as f64;
+    let factor = (side / SIDE).round().max(1.0) as usize;
     if factor == 1 {
-        let (width, height) = (picture.width(), picture.height());
-        return Seen::new(&filtered(&xyz(picture), width, height), width, space, &window);
+        return (xyz(picture), picture.width(), picture.height());
     }
     // The program makes codes smaller, not light.
     let channels = [0, 1, 2].map(|k| shrink(&channel(picture, k), factor));
     let (width, height) = (channels[0].width, channels[0].height);
     let codes = (0..width * height).into_par_iter().map(|i| [0, 1, 2].map(|k: usize| channels[k].values[i]));
-    let xyz: Vec<[f64; 3]> = codes.map(|codes| xyz_of_light(codes.map(decoded))).collect();
-    Seen::new(&filtered(&xyz, width, height), width, space, &window)
+    (codes.map(|codes| xyz_of_light(codes.map(decoded))).collect(), width, height)
 }
 
 /// XYZ after the filters of contrast sensitivity.

@@ -153,14 +153,13 @@ pub enum Space {
 }
 
 impl Space {
-    /// Lightness, a and b of a colour in XYZ, white at Y = 1. Filters may have made it negative.
-    pub(super) fn of_xyz(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        let lab = Lab::from_color_unclamped(Xyz::<White, f64>::new(x, y, z));
+    /// Lightness, a and b of a colour in CIELAB.
+    pub(super) fn of_cielab(&self, [l, a, b]: [f64; 3]) -> [f64; 3] {
         match self {
-            Self::Cielab => [lab.l, lab.a, lab.b],
+            Self::Cielab => [l, a, b],
             Self::Lab2000Hl(table) => {
-                let [a, b] = table.at(lab.a, lab.b);
-                [lightness(lab.l), a, b]
+                let [a, b] = table.at(a, b);
+                [lightness(l), a, b]
             }
         }
     }
@@ -171,6 +170,18 @@ static XYZ_FROM_RGB: LazyLock<[[f64; 3]; 3]> = LazyLock::new(|| inverse(&RGB_FRO
 /// XYZ of linear light, 0 to 1.
 pub(super) fn xyz_of_light(light: [f64; 3]) -> [f64; 3] {
     times(&XYZ_FROM_RGB, light)
+}
+
+/// CIELAB of a colour in XYZ, white at Y = 1. Filters may have made it negative.
+pub(super) fn cielab([x, y, z]: [f64; 3]) -> [f64; 3] {
+    let lab = Lab::from_color_unclamped(Xyz::<White, f64>::new(x, y, z));
+    [lab.l, lab.a, lab.b]
+}
+
+/// Whether X, Y and Z of a colour are below the bend of CIELAB's curve.
+pub(super) fn is_dark([x, y, z]: [f64; 3]) -> [bool; 3] {
+    let white = White::get_xyz();
+    [x / white.x, y / white.y, z / white.z].map(|t| t < 0.008856)
 }
 
 /// XYZ of every pixel.

@@ -38,7 +38,7 @@ pub use delta_e_itp::DeltaEItp;
 pub use flip::Flip;
 pub use hdr_flip::HdrFlip;
 pub use hdr_vdp::{HdrVdp, Receptors};
-pub use icid::Icid;
+pub use icid::{Clipping, Icid};
 pub use lab2000hl::{Lab2000HlTable, Space, TableError};
 pub use ms_ssim::MsSsim;
 pub use psnr::Psnr;

@@ -2,8 +2,8 @@
 
 use super::contract::{Conditions, ImageMetric, ImageMetricError, Need};
 use super::{
-    Cid, Ciede2000, Cielab, Cvvdp, DeltaEItp, Flip, HdrFlip, HdrVdp, Icid, Mean, MsSsim, Psnr, Pu21Psnr, Pu21Ssim,
-    Receptors, Ssim, Values,
+    Cid, Ciede2000, Cielab, Clipping, Cvvdp, DeltaEItp, Flip, HdrFlip, HdrVdp, Icid, Mean, MsSsim, Psnr, Pu21Psnr,
+    Pu21Ssim, Receptors, Ssim, Values,
 };
 use crate::picture::Encoding;
 use std::sync::Arc;
@@ -34,8 +34,8 @@ impl ImageRegistry {
             Arc::new(Pu21Ssim),
             Arc::new(Cid { in_cielab: false }),
             Arc::new(Cid { in_cielab: true }),
-            Arc::new(Icid { in_cielab: false }),
-            Arc::new(Icid { in_cielab: true }),
+            Arc::new(Icid { in_cielab: false, clipping: Clipping::ByValue }),
+            Arc::new(Icid { in_cielab: true, clipping: Clipping::ByValue }),
             Arc::new(HdrVdp(Receptors::Rgb)),
             Arc::new(HdrVdp(Receptors::Luminance)),
             Arc::new(Cvvdp),

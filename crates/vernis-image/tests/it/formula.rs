@@ -129,7 +129,7 @@ fn what_cannot_be_compared_is_said() {
     let metric = |name: &str| registry.get(name).unwrap();
     let none = Conditions::default();
     let unknown = |name: &str| registry.get(name).err().map(|e| e.to_string()).unwrap_or_default();
-    assert_eq!(unknown("sim"), "no metric on pictures is called \"sim\"; did you mean ssim, ssim-rgb, psnr?");
+    assert_eq!(unknown("sim"), "no metric on pictures is called \"sim\"; did you mean ssim, ms-ssim, pu21-ssim?");
     assert!(unknown("qwertyuiop").ends_with("no name is similar"));
     let small = |encoding, n: usize| EncodedPicture::new(n, 20, vec![[1.0; 3]; n * 20], encoding).unwrap();
     let refused = |name: &str, picture: &EncodedPicture, conditions: &Conditions| {

@@ -11,9 +11,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_image::display::Display;
-use vernis_image::metric::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageRegistry, Lab2000HlTable, Need,
-};
+use vernis_image::metric::{Comparison, Conditions, DifferenceMap, ImageMetric, ImageRegistry, Lab2000HlTable, Need};
 use vernis_image::picture::EncodedPicture;
 use vernis_image::picture::read::read;
 use vernis_metric::io::decimals;
@@ -76,7 +74,8 @@ fn displays() -> PossibleValuesParser {
 
 pub fn run(args: CompareImagesArgs) -> Result<()> {
     let registry = ImageRegistry::standard();
-    let named = args.metrics.iter().map(|name| registry.get(name)).collect::<Result<Vec<_>, _>>().map_err(user_error)?;
+    let named =
+        args.metrics.iter().map(|name| registry.get(name)).collect::<Result<Vec<_>, _>>().map_err(user_error)?;
     let named = without_repetitions(named);
     let out = args.map.as_deref().map(|map| map_file(map, &args, &named)).transpose()?;
     let table = match &args.weights {

@@ -6,26 +6,26 @@
 //!
 //! Sums over pixels are taken row by row and then from the top row down, so that no number depends on the number of threads.
 
-mod cid;
-mod ciede2000;
-mod cielab;
+pub mod cid;
+pub mod ciede2000;
+pub mod cielab;
 mod colour;
 mod contract;
-mod cvvdp;
-mod delta_e_itp;
-mod flip;
+pub mod cvvdp;
+pub mod delta_e_itp;
+pub mod flip;
 mod frequency;
-mod hdr_flip;
-mod hdr_vdp;
-mod icid;
-mod lab2000hl;
-mod ms_ssim;
+pub mod hdr_flip;
+pub mod hdr_vdp;
+pub mod icid;
+pub mod lab2000hl;
+pub mod ms_ssim;
 mod plane;
-mod psnr;
-mod pu21;
+pub mod psnr;
+pub mod pu21;
 mod registry;
-mod s_cielab;
-mod ssim;
+pub mod s_cielab;
+pub mod ssim;
 
 pub use cid::Cid;
 pub use ciede2000::{Ciede2000, ciede2000};

@@ -91,8 +91,11 @@ fn values_of_other_programs() {
 #[test]
 fn distances_behave() {
     let registry = ImageRegistry::standard();
-    for (make, encoding) in [(codes as fn(_) -> _, Encoding::Srgb), (light as fn(_) -> _, Encoding::Linear)] {
-        let make: fn(fn(usize, usize, usize) -> usize) -> EncodedPicture = make;
+    for encoding in [Encoding::Srgb, Encoding::Linear] {
+        let make = |code: fn(usize, usize, usize) -> usize| match encoding {
+            Encoding::Srgb => codes(code),
+            Encoding::Linear => light(code),
+        };
         let (reference, test) = (make(reference_code), make(test_code));
         let mild = make(|x, y, c| (3 * reference_code(x, y, c) + test_code(x, y, c)) / 4);
         let metrics: Vec<_> = registry.iter().filter(|m| m.properties().encodings.contains(&encoding)).collect();

@@ -44,8 +44,11 @@ impl Misses {
     }
 }
 
+/// Pairs and what is expected of each.
+type Values = &'static [(&'static str, f64)];
+
 /// Metric, tolerance, and its published number for each pair.
-const QUALITY: &[(&str, f64, &[(&str, f64)])] = &[
+const QUALITY: &[(&str, f64, Values)] = &[
     (
         "ssim",
         1e-6,

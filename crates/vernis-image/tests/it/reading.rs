@@ -183,6 +183,35 @@ fn crc32(bytes: &[u8]) -> u32 {
     })
 }
 
+/// Whatever byte of a file is wrong, there is a picture or a message.
+#[test]
+fn damaged_files_never_panic() {
+    let picture = ImageBuffer::from_fn(9, 7, |x, y| Rgb([(x * 31) as u8, (y * 29) as u8, (x * y) as u8]));
+    let mut hdr = Vec::new();
+    let pixels: Vec<_> = (0..63).map(|i| Rgb([i as f32, 0.5, 100.0])).collect();
+    HdrEncoder::new(&mut hdr).encode(&pixels, 9, 7).expect("written");
+    let values = vec![0.5; 63];
+    let files = [
+        bytes(&picture, ImageOutputFormat::Png),
+        bytes(&picture, ImageOutputFormat::Jpeg(80)),
+        exr(&[("R", values.clone()), ("G", values.clone()), ("B", values)], (9, 7), None),
+        hdr,
+        [b"PF 9 7 -1\n".to_vec(), vec![0; 9 * 7 * 12]].concat(),
+    ];
+    for file in files {
+        assert!(decode(&file).is_ok());
+        let mut refused = 0;
+        for at in 0..file.len().min(600) {
+            for value in [0x00, 0xff, file[at] ^ 0x10] {
+                let mut damaged = file.clone();
+                damaged[at] = value;
+                refused += usize::from(decode(&damaged).is_err());
+            }
+        }
+        assert!(refused > 0);
+    }
+}
+
 #[test]
 fn files_are_named_in_messages() {
     let folder = tempfile::tempdir().expect("a folder");

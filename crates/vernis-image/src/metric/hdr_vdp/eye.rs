@@ -20,7 +20,7 @@ pub(super) const RECEPTORS_FROM_LUMINANCE: [f64; 3] = [0.601847152245, 0.3167082
 pub(super) fn scatter(rho: f64) -> f64 {
     // Two numbers of an earlier form from which the weights follow.
     const FAR: f64 = 0.061466549455263;
-    const NEAR: f64 = 0.99727370023777070;
+    const NEAR: f64 = 0.997_273_700_237_770_7;
     const WEIGHTS: [f64; 4] = [NEAR * 0.426, NEAR * 0.574, (1.0 - NEAR) * FAR, (1.0 - NEAR) * (1.0 - FAR)];
     const SCALES: [f64; 4] = [0.028, 0.37, 37.0, 360.0];
     WEIGHTS.iter().zip(SCALES).map(|(a, b)| a * (-b * rho).exp()).sum()

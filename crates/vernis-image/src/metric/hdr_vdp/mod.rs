@@ -3,8 +3,8 @@
 //!   Q = sum over bands b and orientations o of w(f_b)/n log(|D_bo| + 1e-12),  |D| = sqrt(sum of D^2)/pixels
 //!   P_det = max over pixels of 1 - 0.5^S,  S = (sum of s / max s) s,  s = |picture of the bands D'|
 //!
-//! Light -> scatter in the eye -> receptors -> response in just noticeable differences -> steerable pyramid of cones plus rods
-//! ([`pyramid`]); per band, the difference of test and reference over the noise of sensitivity (N = 1/nCSF) and masking:
+//! Light -> scatter in the eye -> receptors -> response in just noticeable differences -> steerable pyramid of cones plus rods;
+//! per band, the difference of test and reference over the noise of sensitivity (N = 1/nCSF) and masking:
 //!
 //!   D = sign(d) |d/n|^p n / sqrt(N^2p + M^2),  n = 2^(b-1),
 //!   M = n (k_self (m/(N n))^q + k_xo (m_xo/(N n))^q + k_xn (m_xn/N)^q),  m = min(|test|, |reference|), 3 x 3 mean

@@ -4,9 +4,9 @@
 //! | --- | --- | --- |
 //! | PNG, 1 to 16 bits | crate `image` | sRGB codes; the chunks gAMA, cHRM and iCCP are not applied |
 //! | JPEG, 8 bits | crate `image` | sRGB codes; embedded profiles are not applied |
-//! | OpenEXR | crate `exr` | cd/m2 ([`exr`]) |
+//! | OpenEXR | crate `exr` | cd/m2, channels R, G, B or Y |
 //! | Radiance HDR | crate `image` | cd/m2, divided by the exposure of the header |
-//! | PFM | own ([`pfm`]): `image` 0.24 has none | cd/m2 |
+//! | PFM | own: `image` 0.24 has none | cd/m2 |
 //!
 //! The format is that of the content, whatever the file is called. Grey pictures become three equal channels. An alpha channel must
 //! be opaque everywhere. A file may have [`MOST_BYTES`] and its picture [`MOST_PIXELS`]; both are checked before pixels are decoded.

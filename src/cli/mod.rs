@@ -7,6 +7,7 @@ mod cells;
 #[cfg(feature = "train")]
 mod claims;
 mod compare;
+mod compare_images;
 mod data;
 mod describe;
 mod evaluate;
@@ -103,6 +104,8 @@ enum Command {
     Merge(extract::MergeArgs),
     /// Compare two BRDFs.
     Compare(compare::CompareArgs),
+    /// Compare two pictures.
+    CompareImages(compare_images::CompareImagesArgs),
     /// Compare many pairs, from a CSV file to a CSV file.
     Score(score::ScoreArgs),
     /// Sweep the parameters of the transport and energy distances over a study.
@@ -263,6 +266,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         #[cfg(feature = "train")]
         Command::Merge(args) => extract::merge(args),
         Command::Compare(args) => compare::run(&cli.shared, args),
+        Command::CompareImages(args) => compare_images::run(args),
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),

@@ -4,6 +4,7 @@
 mod attack;
 mod browser;
 mod cli;
+mod compare_images;
 mod data;
 mod dataset;
 mod evaluation;

@@ -1,0 +1,142 @@
+//! CIELAB: the distance of each pixel's colour in CIELAB, pooled over the picture.
+//!
+//!   dE = sqrt(dL*^2 + da*^2 + db*^2);  `cielab`: mean dE;  `cielab-rms`: sqrt(mean dE^2)
+//!
+//! sRGB codes -> linear RGB -> XYZ by the matrix below -> CIELAB with the D65 white of the 2 degree observer (0.95047, 1, 1.08883).
+//! The matrix has the six digits that scikit-image uses, so that the numbers agree with its `rgb2lab`; curve and CIELAB are
+//! `palette`'s.
+//!
+//! Source: CIE 15:2018, section 8.2.1; sRGB: IEC 61966-2-1:1999. The root of the mean square is the "CIELAB" of Lavoue, Bonneel,
+//! Farrugia and Soler 2021 (doi:10.1111/cgf.142637), section 6.
+//!
+//! Display: a perfect sRGB display, white as bright as the eye is adapted to. Blind to: space altogether (every pixel is a patch of
+//! its own), so noise that the eye averages counts in full; viewing distance.
+
+use super::colour::{light, times};
+use super::contract::{
+    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, PreparedReference, Properties,
+};
+use super::plane::{Plane, sum_of_rows};
+use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use palette::convert::FromColorUnclamped;
+use palette::white_point::D65;
+use palette::{Lab, Xyz};
+use rayon::prelude::*;
+
+/// Raised when a value changes by more than rounding.
+pub const VERSION: u32 = 1;
+
+/// Linear sRGB to XYZ, as scikit-image has it.
+const XYZ_FROM_RGB: [[f64; 3]; 3] =
+    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]];
+
+/// A difference of lightness from black to white, which a map shows as white.
+pub(super) const WHITE: f32 = 100.0;
+
+/// How distances of pixels become one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mean {
+    /// Their mean.
+    Arithmetic,
+    /// The root of their mean square.
+    Quadratic,
+}
+
+/// Distance in CIELAB.
+#[derive(Clone, Copy, Debug)]
+pub struct Cielab(pub Mean);
+
+/// CIELAB of every pixel.
+pub(super) fn lab(picture: &EncodedPicture) -> Vec<Lab<D65, f64>> {
+    let of_pixel = |pixel: &[f32; 3]| {
+        let [x, y, z] = times(&XYZ_FROM_RGB, light(*pixel, picture.encoding()));
+        Lab::from_color_unclamped(Xyz::<D65, f64>::new(x, y, z))
+    };
+    picture.pixels().par_iter().map(of_pixel).collect()
+}
+
+impl ImageMetric for Cielab {
+    fn name(&self) -> &'static str {
+        match self.0 {
+            Mean::Arithmetic => "cielab",
+            Mean::Quadratic => "cielab-rms",
+        }
+    }
+
+    fn version(&self) -> u32 {
+        VERSION
+    }
+
+    fn properties(&self) -> Properties {
+        Properties {
+            quality: match self.0 {
+                Mean::Arithmetic => "mean colour difference of CIELAB",
+                Mean::Quadratic => "root-mean-square colour difference of CIELAB",
+            },
+            unit: "dE*ab",
+            larger_is_better: false,
+            distance: "the same",
+            source: "CIE 15:2018; Lavoue et al. 2021, doi:10.1111/cgf.142637",
+            encodings: &[Encoding::Srgb],
+            smallest: 1,
+            most_pixels: MOST_PIXELS,
+            needs: vec![],
+            has_map: true,
+            differentiable: false,
+        }
+    }
+
+    fn prepare_checked(
+        &self,
+        reference: &EncodedPicture,
+        _: &Conditions,
+    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+        Ok(Box::new(Reference { mean: self.0, lab: lab(reference) }))
+    }
+}
+
+struct Reference {
+    mean: Mean,
+    lab: Vec<Lab<D65, f64>>,
+}
+
+impl PreparedReference for Reference {
+    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
+        let test_lab = lab(test);
+        let difference = |a: &Lab<D65, f64>, b: &Lab<D65, f64>| {
+            ((a.l - b.l).powi(2) + (a.a - b.a).powi(2) + (a.b - b.b).powi(2)).sqrt()
+        };
+        Ok(pooled(&self.lab, &test_lab, test.width(), difference, self.mean, with_map))
+    }
+}
+
+/// The pooled difference of the pixels of two pictures of `width` columns.
+pub(super) fn pooled<T: Sync>(
+    a: &[T],
+    b: &[T],
+    width: usize,
+    difference: impl Fn(&T, &T) -> f64 + Sync,
+    mean: Mean,
+    with_map: bool,
+) -> Comparison {
+    let height = a.len() / width;
+    let plane = Plane::by_rows(width, height, |y, row| {
+        for (x, to) in row.iter_mut().enumerate() {
+            *to = difference(&a[y * width + x], &b[y * width + x]);
+        }
+    });
+    let quality = match mean {
+        Mean::Arithmetic => plane.mean(),
+        Mean::Quadratic => {
+            let squares = sum_of_rows(height, |y| plane.row(y).iter().map(|d| d * d).sum());
+            (squares / plane.values.len() as f64).sqrt()
+        }
+    };
+    let map = with_map.then(|| DifferenceMap {
+        width,
+        height,
+        values: plane.values.iter().map(|d| *d as f32).collect(),
+        white: WHITE,
+    });
+    Comparison { distance: quality, quality, details: vec![], map }
+}

@@ -1,0 +1,237 @@
+//! iCID: the improved color-image-difference metric: CID with contrast and structure of chroma, combined at every place.
+//!
+//!   iCID = 1 - mean of L C S^3 X H XC XS
+//!
+//! L, C, X, H as in [`super::cid`]; S = (c3 + |sL12|)/(c3 + sL1 sL2); XC and XS: contrast and structure of chroma, as C and S.
+//! c = 0.002, 10, 10, 0.002, 0.002, 10, 10 for L, C, S, X, H, XC, XS (intent "perceptual"). The window has 11 x 11 pixels, sigma 2.
+//! Pictures are first made smaller by f = max(1, round(smaller side/256)). Colours: sRGB -> XYZ -> YCC -> filters of contrast
+//! sensitivity up to 20 cycles a degree, on the picture mirrored at all sides -> XYZ -> LAB2000HL ([`super::lab2000hl`]).
+//!
+//! `icid` needs the user's table of LAB2000HL; `icid-cielab` is the same in CIELAB, which is a different metric.
+//!
+//! Source: Preiss, Fernandes and Urban 2014 (doi:10.1109/TIP.2014.2302684), version 1.00 of the authors' program; the filters are
+//! those of Reinhard, Khan, Akyuz and Johnson 2008 (ISBN 978-1-56881-344-8), that of luminance made a low-pass.
+//!
+//! MATLAB and Octave give different numbers where a filtered picture has a dark pixel ([`Clipping`]); `icid` is MATLAB's, which is what
+//! the paper means.
+//!
+//! Display: sRGB at 40 pixels a degree, fixed. Blind to: detail that the shrinking takes away.
+
+use super::cid::{Seen, WINDOW, space};
+use super::colour::{channel, decoded, inverse, times};
+use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, Properties};
+use super::frequency;
+use super::lab2000hl::{Space, cielab, is_dark, xyz, xyz_of_light};
+use super::plane::{Plane, gaussian, shrink};
+use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use rayon::prelude::*;
+
+/// Raised when a value changes by more than rounding.
+pub const VERSION: u32 = 1;
+
+/// Standard deviation of the window's weights, pixels.
+const SIGMA: f64 = 2.0;
+/// c of L, C, S, X, H, XC, XS.
+const CONSTANTS: [f64; 7] = [0.002, 10.0, 10.0, 0.002, 0.002, 10.0, 10.0];
+/// Exponent of the structure of lightness.
+const STRUCTURE: i32 = 3;
+/// Pictures are made smaller towards this smaller side.
+const SIDE: f64 = 256.0;
+/// Cycles a degree at half of the sampling rate.
+const CYCLES_PER_DEGREE: f64 = 20.0;
+
+/// The least a* and b* of the table.
+const LEAST: f64 = -128.0;
+
+/// XYZ to YCC.
+const YCC_FROM_XYZ: [[f64; 3]; 3] = [[0.0556, 0.9981, -0.0254], [0.9510, -0.9038, 0.0], [0.0386, 1.0822, -1.0276]];
+
+/// iCID; in LAB2000HL or in CIELAB.
+#[derive(Clone, Copy, Debug)]
+pub struct Icid {
+    /// Whether colours are compared in CIELAB, which needs no table.
+    pub in_cielab: bool,
+    /// How a* and b* are held to the table.
+    pub clipping: Clipping,
+}
+
+/// How a* and b* are held to -128..128, the range of the table.
+///
+/// The authors' program takes its filtered picture from `ifft2`, whose rounding leaves values with imaginary parts of about 1e-17. They
+/// reach a* or b* where X, Y or Z of any pixel is below the bend of CIELAB's curve, because only the other branch takes a real part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clipping {
+    /// By their values: MATLAB compares complex numbers by their real parts.
+    ByValue,
+    /// As Octave runs the program: it compares complex numbers by their magnitudes, |b*| is less than |-128|, and all b* of the picture
+    /// become -128 where any Z is dark (all a* where any X is, both where any Y is). Not iCID; for comparison with numbers that were
+    /// computed so.
+    ByMagnitude,
+}
+
+impl ImageMetric for Icid {
+    fn name(&self) -> &'static str {
+        if self.in_cielab { "icid-cielab" } else { "icid" }
+    }
+
+    fn version(&self) -> u32 {
+        VERSION
+    }
+
+    fn properties(&self) -> Properties {
+        Properties {
+            quality: "improved color-image difference",
+            unit: "1, 0 to 1",
+            larger_is_better: false,
+            distance: "the same",
+            source: "Preiss, Fernandes and Urban 2014, doi:10.1109/TIP.2014.2302684",
+            encodings: &[Encoding::Srgb],
+            smallest: WINDOW,
+            most_pixels: MOST_PIXELS,
+            needs: if self.in_cielab { vec![] } else { vec![Need::Lab2000HlTable { fallback: "icid-cielab" }] },
+            has_map: true,
+            differentiable: false,
+        }
+    }
+
+    fn prepare_checked(
+        &self,
+        reference: &EncodedPicture,
+        conditions: &Conditions,
+    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+        let space = space(self.name(), "icid-cielab", self.in_cielab, conditions)?;
+        let seen = self.seen(reference, &space);
+        Ok(Box::new(Reference { metric: *self, space, seen }))
+    }
+}
+
+struct Reference {
+    metric: Icid,
+    space: Space,
+    seen: Seen,
+}
+
+impl PreparedReference for Reference {
+    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
+        let test = self.metric.seen(test, &self.space);
+        let terms = self.seen.terms(&test, &gaussian(WINDOW, SIGMA));
+        let [c1, c2, c3, c4, c5, c6, c7] = CONSTANTS;
+        let contrast = |c: f64, a: f64, b: f64| (c + 2.0 * a * b) / (c + a * a + b * b);
+        let structure = |c: f64, a: f64, b: f64, ab: f64| (c + ab.abs()) / (c + a * b);
+        let product = terms.map(|t| {
+            contrast(c2, t.sl1, t.sl2) * structure(c3, t.sl1, t.sl2, t.sl12).powi(STRUCTURE)
+                / (c1 * t.lightness.powi(2) + 1.0)
+                / (c4 * t.chroma.powi(2) + 1.0)
+                / (c5 * t.hue.powi(2) + 1.0)
+                * contrast(c6, t.sc1, t.sc2)
+                * structure(c7, t.sc1, t.sc2, t.sc12)
+        });
+        let quality = 1.0 - product.mean();
+        let map = if with_map { super::ssim::map_of(vec![product]) } else { None };
+        Ok(Comparison { distance: quality, quality, details: vec![], map })
+    }
+}
+
+impl Icid {
+    /// A picture made smaller and filtered.
+    fn seen(self, picture: &EncodedPicture, space: &Space) -> Seen {
+        let (xyz, width, height) = smaller(picture);
+        let filtered = filtered(&xyz, width, height);
+        let [x, y, z]: [bool; 3] = std::array::from_fn(|k| filtered.par_iter().any(|c| is_dark(*c)[k]));
+        let held = self.clipping == Clipping::ByMagnitude;
+        let (hold_a, hold_b) = (held && (x || y), held && (z || y));
+        let colour = |c: &[f64; 3]| {
+            let [l, a, b] = cielab(*c);
+            space.of_cielab([l, if hold_a { LEAST } else { a }, if hold_b { LEAST } else { b }])
+        };
+        let colours: Vec<[f64; 3]> = filtered.par_iter().map(colour).collect();
+        Seen::new(&colours, width, &gaussian(WINDOW, SIGMA))
+    }
+}
+
+/// XYZ of a picture that was made smaller, its width and its height.
+fn smaller(picture: &EncodedPicture) -> (Vec<[f64; 3]>, usize, usize) {
+    let side = picture.width().min(picture.height()) as f64;
+    let factor = (side / SIDE).round().max(1.0) as usize;
+    if factor == 1 {
+        return (xyz(picture), picture.width(), picture.height());
+    }
+    // The program makes codes smaller, not light.
+    let channels = [0, 1, 2].map(|k| shrink(&channel(picture, k), factor));
+    let (width, height) = (channels[0].width, channels[0].height);
+    let codes = (0..width * height).into_par_iter().map(|i| [0, 1, 2].map(|k: usize| channels[k].values[i]));
+    (codes.map(|codes| xyz_of_light(codes.map(decoded))).collect(), width, height)
+}
+
+/// XYZ after the filters of contrast sensitivity.
+fn filtered(xyz: &[[f64; 3]], width: usize, height: usize) -> Vec<[f64; 3]> {
+    let channels: Vec<Plane> = (0..3)
+        .map(|k| {
+            let plane = Plane::of_pixels(width, xyz, |c| times(&YCC_FROM_XYZ, *c)[k]);
+            // The filter of luminance is 1 at no frequency too, so the mean that the program takes out and puts back stays in.
+            let tripled = mirrored(&plane);
+            let (half_width, half_height) = ((tripled.width / 2) as f64, (tripled.height / 2) as f64);
+            let gain = |kx: usize, ky: usize| {
+                let f = CYCLES_PER_DEGREE * (kx as f64 / half_width).hypot(ky as f64 / half_height);
+                sensitivity(k, f)
+            };
+            let found = frequency::filtered(&tripled, gain);
+            Plane::by_rows(width, height, |y, row| row.copy_from_slice(&found.row(height + y)[width..2 * width]))
+        })
+        .collect();
+    let back = inverse(&YCC_FROM_XYZ);
+    let pixel = |i: usize| times(&back, [0, 1, 2].map(|k: usize| channels[k].values[i]));
+    (0..xyz.len()).into_par_iter().map(pixel).collect()
+}
+
+/// The plane with its mirror images at all sides.
+fn mirrored(plane: &Plane) -> Plane {
+    let (width, height) = (plane.width, plane.height);
+    let place = |i: usize, n: usize| match i / n {
+        0 => n - 1 - i,
+        1 => i - n,
+        _ => 3 * n - 1 - i,
+    };
+    Plane::by_rows(3 * width, 3 * height, |y, row| {
+        let from = plane.row(place(y, height));
+        row.iter_mut().enumerate().for_each(|(x, v)| *v = from[place(x, width)]);
+    })
+}
+
+/// Contrast sensitivity of Y, C1 (red/green) and C2 (blue/yellow) at `f` cycles a degree, 1 at most.
+fn sensitivity(channel: usize, f: f64) -> f64 {
+    let two = |a1: f64, b1: f64, c1: f64, a2: f64, b2: f64, c2: f64| {
+        (a1 * (-b1 * f.powf(c1)).exp() + a2 * (-b2 * f.powf(c2)).exp()) / (a1 + a2)
+    };
+    match channel {
+        // 13.3395: where the band-pass 0.63 f^0.616 exp(-0.085 f) falls through 1 the second time.
+        0 if f <= 13.3395 => 1.0,
+        0 => 0.63 * f.powf(0.616) * (-0.085 * f).exp(),
+        1 => two(91.228, 0.0003, 2.803, 74.907, 0.0038, 2.601),
+        _ => two(5.623, 0.00001, 3.4066, 41.9363, 0.083, 1.3684),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sensitivity_falls_from_one() {
+        for channel in 0..3 {
+            assert!((sensitivity(channel, 0.0) - 1.0).abs() < 1e-15);
+            let values: Vec<f64> = (0..60).map(|i| sensitivity(channel, f64::from(i))).collect();
+            assert!(values.windows(2).all(|v| v[1] <= v[0]), "{channel}");
+        }
+        // Continuous where it begins to fall.
+        assert!((sensitivity(0, 13.3396) - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn mirrors_keep_the_border_twice() {
+        let plane = Plane { width: 2, height: 1, values: vec![1.0, 2.0] };
+        let found = mirrored(&plane);
+        assert_eq!((found.width, found.height), (6, 3));
+        assert_eq!(found.values[6..12], [2.0, 1.0, 1.0, 2.0, 2.0, 1.0]);
+    }
+}

@@ -1,0 +1,88 @@
+//! All metrics on pictures, by name.
+
+use super::contract::{Conditions, ImageMetric, ImageMetricError, Need};
+use super::{
+    Cid, Ciede2000, Cielab, Clipping, Cvvdp, DeltaEItp, Flip, HdrFlip, HdrVdp, Icid, Mean, MsSsim, Psnr, Pu21Psnr,
+    Pu21Ssim, Receptors, Ssim, Values,
+};
+use crate::picture::Encoding;
+use std::sync::Arc;
+use vernis_metric::io::nearest;
+
+/// Metrics with unique names, in the order of lists.
+#[derive(Clone)]
+pub struct ImageRegistry {
+    metrics: Vec<Arc<dyn ImageMetric>>,
+}
+
+impl ImageRegistry {
+    /// Every metric of this library.
+    pub fn standard() -> Self {
+        let metrics: Vec<Arc<dyn ImageMetric>> = vec![
+            Arc::new(Ssim(Values::LumaRec601)),
+            Arc::new(Ssim(Values::LumaRec709)),
+            Arc::new(Ssim(Values::Channels)),
+            Arc::new(MsSsim),
+            Arc::new(Psnr),
+            Arc::new(Cielab(Mean::Arithmetic)),
+            Arc::new(Cielab(Mean::Quadratic)),
+            Arc::new(Ciede2000),
+            Arc::new(DeltaEItp),
+            Arc::new(Flip),
+            Arc::new(HdrFlip),
+            Arc::new(Pu21Psnr),
+            Arc::new(Pu21Ssim),
+            Arc::new(Cid { in_cielab: false }),
+            Arc::new(Cid { in_cielab: true }),
+            Arc::new(Icid { in_cielab: false, clipping: Clipping::ByValue }),
+            Arc::new(Icid { in_cielab: true, clipping: Clipping::ByValue }),
+            Arc::new(HdrVdp(Receptors::Rgb)),
+            Arc::new(HdrVdp(Receptors::Luminance)),
+            Arc::new(Cvvdp),
+        ];
+        Self { metrics }
+    }
+
+    /// The metrics.
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<dyn ImageMetric>> {
+        self.metrics.iter()
+    }
+
+    /// Their names.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        self.metrics.iter().map(|metric| metric.name())
+    }
+
+    /// The metric called `name`.
+    ///
+    /// # Errors
+    /// [`ImageMetricError::Unknown`] with the nearest names.
+    pub fn get(&self, name: &str) -> Result<Arc<dyn ImageMetric>, ImageMetricError> {
+        let found = self.metrics.iter().find(|metric| metric.name() == name);
+        found
+            .cloned()
+            .ok_or_else(|| ImageMetricError::Unknown { name: name.to_owned(), nearest: nearest(name, self.names()) })
+    }
+
+    /// The metrics that take pictures of this encoding and have what they need: with a table those that need one, without it those
+    /// that stand in for them.
+    pub fn applicable(&self, encoding: Encoding, conditions: &Conditions) -> Vec<Arc<dyn ImageMetric>> {
+        let fallbacks: Vec<&str> =
+            self.metrics.iter().flat_map(|metric| metric.properties().needs).filter_map(fallback).collect();
+        let fits = |metric: &&Arc<dyn ImageMetric>| {
+            let properties = metric.properties();
+            let needs_table = properties.needs.iter().copied().any(|need| fallback(need).is_some());
+            let stands_in = fallbacks.contains(&metric.name());
+            let has_table = conditions.table.is_some();
+            properties.encodings.contains(&encoding) && (!needs_table || has_table) && !(stands_in && has_table)
+        };
+        self.metrics.iter().filter(fits).cloned().collect()
+    }
+}
+
+fn fallback(need: Need) -> Option<&'static str> {
+    match need {
+        Need::Lab2000HlTable { fallback } => Some(fallback),
+        Need::Ppd(_) | Need::Display => None,
+    }
+}

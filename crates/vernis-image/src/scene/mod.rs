@@ -1,0 +1,1 @@
+//! What is rendered: shape, table, lights and camera.

@@ -53,13 +53,16 @@ pub(super) struct Searched {
     pub spent: usize,
 }
 
-/// What `further`, a search after `found`, adds to it. The reason to stop is that of the lower one, unless somebody wished it to end.
+/// What `further`, a search after `found`, adds to it. The reason to stop is that of the lower one, unless somebody wished it to end. A
+/// rival that has spent the evaluations set aside for it leaves the first search's reason: that one came to its end, and the result is
+/// lower still.
 fn append(found: &mut Outcome, further: Outcome) {
-    let lower = further.history.into_iter().filter(|step| step.value < found.value);
+    let improved = further.history.into_iter().filter(|step| step.value < found.value);
     let later = |step: Improvement| Improvement { evaluations: found.evaluations + step.evaluations, ..step };
-    found.history.extend(lower.map(later).collect::<Vec<_>>());
+    found.history.extend(improved.map(later).collect::<Vec<_>>());
     found.evaluations += further.evaluations;
-    if further.value < found.value || further.stop == StopReason::Interrupted {
+    let lower = further.value < found.value && further.stop != StopReason::EvaluationLimit;
+    if lower || further.stop == StopReason::Interrupted {
         found.stop = further.stop;
     }
     if further.value < found.value {

@@ -86,7 +86,8 @@ impl FromStr for Method {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum StopReason {
-    /// Steps, simplex or projected gradient fell below the tolerance, or a whole round of steps gained next to nothing.
+    /// Steps, simplex or projected gradient fell below the tolerance, or a whole round of steps gained next to nothing. Of a fit with
+    /// several starts: this holds of the first search, and another start may have given something lower since.
     Converged,
     /// No step along the descent direction lowers the value any more, though the gradient does not vanish.
     NoDescent,

@@ -1,0 +1,16 @@
+//! The one integration binary of the package: each room's tests are a module.
+
+#[allow(non_snake_case, reason = "scenes have the names of the reference")]
+mod render_golden;
+
+use std::path::PathBuf;
+
+// So that a change of the variable makes the tests anew: those that need data are ignored where it is not set.
+const _: Option<&str> = option_env!("VERNIS_DATA");
+
+/// The folder with published data.
+fn data_folder() -> PathBuf {
+    let folder = PathBuf::from(std::env::var_os("VERNIS_DATA").expect("VERNIS_DATA names the data folder"));
+    assert!(folder.is_dir(), "VERNIS_DATA names {}, which is no folder", folder.display());
+    folder
+}

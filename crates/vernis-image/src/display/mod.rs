@@ -1,1 +1,3 @@
 //! How a screen shows a picture: tone curves and display models.
+
+pub mod tone;

@@ -1,5 +1,7 @@
 //! Pictures: linear RGB pixels, and the files that hold them.
 
+pub mod write;
+
 /// A picture of linear RGB values, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {

@@ -54,8 +54,17 @@ pub enum Reflectance {
     Wood(Wood),
 }
 
+impl std::fmt::Debug for Reflectance {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Brdf(_, content) => write!(f, "Brdf({content})"),
+            Self::Wood(wood) => wood.fmt(f),
+        }
+    }
+}
+
 /// The square `-half_side..half_side` in x and z at y = 0.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct Table {
     /// Half the length of a side.
     pub half_side: f64,
@@ -79,7 +88,7 @@ pub struct Film {
 }
 
 /// Everything that a picture is made of.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct Scene {
     /// The shape in the middle.
     pub shape: Shape,
@@ -97,4 +106,33 @@ pub struct Scene {
     pub background: bool,
     /// The pixels.
     pub film: Film,
+}
+
+impl Scene {
+    /// SHA-256 of everything that its picture depends on, but for how it is traced ([`crate::trace`] has a version).
+    pub fn identity(&self) -> ContentHash {
+        let mut bytes = Vec::new();
+        let text = |bytes: &mut Vec<u8>, text: String| {
+            bytes.extend(text.len().to_le_bytes());
+            bytes.extend(text.bytes());
+        };
+        text(&mut bytes, format!("{:?} {:?} {:?}", self.reflectance, self.table, self.camera));
+        text(&mut bytes, format!("{:?} {} {:?}", self.light_scale, self.background, self.film));
+        match &self.light {
+            Light::White => text(&mut bytes, "white".to_owned()),
+            Light::Panorama(panorama) => {
+                text(&mut bytes, format!("panorama {} {}", panorama.width(), panorama.height()));
+                bytes.extend(panorama.texels().iter().flatten().flat_map(|v| v.to_le_bytes()));
+            }
+        }
+        match &self.shape {
+            Shape::Sphere { center, radius } => text(&mut bytes, format!("sphere {center:?} {radius:?}")),
+            Shape::Mesh(mesh) => {
+                text(&mut bytes, format!("mesh {} {} {}", mesh.positions.len(), mesh.faces.len(), mesh.normals.len()));
+                bytes.extend(mesh.positions.iter().chain(&mesh.normals).flatten().flat_map(|v| v.to_le_bytes()));
+                bytes.extend(mesh.faces.iter().chain(&mesh.normal_faces).flatten().flat_map(|v| v.to_le_bytes()));
+            }
+        }
+        ContentHash::of(&bytes)
+    }
 }

@@ -6,6 +6,9 @@
 //! between nodes are linear in all three. Half of phi_d is enough where the two directions can be swapped, and a quarter where the BRDF
 //! is the same when mirrored as well.
 //!
+//! A straight line between two nodes of a curve lies above it where the curve is hollow, on average by a twelfth of its second
+//! difference. That is taken away from the nodes, so that the energy of a lobe is kept.
+//!
 //! A node without a measurement has the mean of its neighbours that have one. Values below zero count as 0.
 
 use super::TraceError;
@@ -15,12 +18,8 @@ use vernis_metric::brdf::Brdf;
 use vernis_metric::math::coordinates::{HalfDifference, half_difference_directions};
 use vernis_metric::math::{Rgb, Vec3};
 
-/// Nodes of the half angle.
-const HALF: usize = 128;
-/// Nodes of the difference angle.
-const DIFFERENCE: usize = 48;
-/// Nodes of a quarter turn.
-const QUARTER: usize = 16;
+/// Nodes of the half angle, the difference angle and a quarter turn.
+pub const SIZE: [usize; 3] = [192, 64, 20];
 /// How far below the horizon the last node lies, as a share of the difference angle: there the BRDF still has a value.
 const INSIDE: f64 = 1.0 - 1e-3;
 
@@ -31,6 +30,9 @@ pub struct BrdfTable {
     /// Nodes of the azimuth.
     azimuths: usize,
     turn: Turn,
+    half: usize,
+    difference: usize,
+    quarter: usize,
 }
 
 /// How much of phi_d tells the rest.
@@ -53,11 +55,11 @@ impl Turn {
         }
     }
 
-    fn azimuths(self) -> usize {
+    fn azimuths(self, quarter: usize) -> usize {
         match self {
-            Self::Quarter => QUARTER + 1,
-            Self::Half => 2 * QUARTER,
-            Self::Whole => 4 * QUARTER,
+            Self::Quarter => quarter + 1,
+            Self::Half => 2 * quarter,
+            Self::Whole => 4 * quarter,
         }
     }
 }
@@ -83,14 +85,16 @@ impl BrdfTable {
     ///
     /// # Errors
     /// A value that is not finite, or no measurement at all.
-    pub fn new(brdf: &dyn Brdf) -> Result<Self, TraceError> {
+    pub fn new(brdf: &dyn Brdf, size: [usize; 3]) -> Result<Self, TraceError> {
+        let [half, difference, quarter] = size;
         let turn = Turn::of(brdf);
-        let azimuths = turn.azimuths();
-        let nodes: Vec<Vec<Option<Rgb>>> = (0..HALF)
+        let azimuths = turn.azimuths(quarter);
+        let nodes: Vec<Vec<Option<Rgb>>> = (0..half)
             .into_par_iter()
             .map(|h| {
-                let (wi, wo): (Vec<Vec3>, Vec<Vec3>) =
-                    (0..azimuths * DIFFERENCE).map(|k| Self::directions(h, k / DIFFERENCE, k % DIFFERENCE)).unzip();
+                let (wi, wo): (Vec<Vec3>, Vec<Vec3>) = (0..azimuths * difference)
+                    .map(|k| Self::directions(size, h, k / difference, k % difference))
+                    .unzip();
                 let mut values = vec![None; wi.len()];
                 brdf.eval_in_gamut(&wi, &wo, &mut values);
                 values
@@ -100,21 +104,25 @@ impl BrdfTable {
         if let Some(value) = nodes.iter().flatten().find(|v| !v.iter().all(|x| x.is_finite())) {
             return Err(TraceError::NotFinite { value: *value });
         }
-        let values = filled(nodes, turn).ok_or(TraceError::NoMeasurement)?;
-        let values = values.into_iter().map(|v| {
-            let [r, g, b] = v.map(|x| x.max(0.0) as f32);
-            Vec4::new(r, g, b, 0.0)
-        });
-        Ok(Self { values: values.collect(), azimuths, turn })
+        let values = filled(nodes, size, turn).ok_or(TraceError::NoMeasurement)?;
+        let values = values.into_iter().map(|v| v.map(|x| x.max(0.0))).collect();
+        let values =
+            lowered(values, size, turn).into_iter().map(|[r, g, b]| Vec4::new(r as f32, g as f32, b as f32, 0.0));
+        Ok(Self { values: values.collect(), azimuths, turn, half, difference, quarter })
     }
 
-    fn directions(half: usize, azimuth: usize, difference: usize) -> (Vec3, Vec3) {
-        let theta_h = 2.0 * (half as f64 / (HALF - 1) as f64).powi(2).min(1.0 - 1e-6).atan();
-        let (quarter, q) = (azimuth / QUARTER, (azimuth % QUARTER) as f64 / QUARTER as f64);
-        let phi_d = q.atan2(1.0 - q) + quarter as f64 * std::f64::consts::FRAC_PI_2;
+    fn directions(
+        [halves, differences, quarter]: [usize; 3],
+        half: usize,
+        azimuth: usize,
+        difference: usize,
+    ) -> (Vec3, Vec3) {
+        let theta_h = 2.0 * (half as f64 / (halves - 1) as f64).powi(2).min(1.0 - 1e-6).atan();
+        let (turns, q) = (azimuth / quarter, (azimuth % quarter) as f64 / quarter as f64);
+        let phi_d = q.atan2(1.0 - q) + turns as f64 * std::f64::consts::FRAC_PI_2;
         let steepness = theta_h.tan() * phi_d.cos().abs();
         let horizon = 1.0 / (steepness + (steepness * steepness + 1.0).sqrt());
-        let share = INSIDE * difference as f64 / (DIFFERENCE - 1) as f64;
+        let share = INSIDE * difference as f64 / (differences - 1) as f64;
         let theta_d = 2.0 * (share * horizon).atan();
         half_difference_directions(HalfDifference { theta_h, theta_d, phi_d })
     }
@@ -129,10 +137,10 @@ impl BrdfTable {
         let (x, y) = (cos_phi * wi.x + sin_phi * wi.y, cos_phi * wi.y - sin_phi * wi.x);
         let (dx, dy, dz) = (h.z * x - sin_h * wi.z, y, sin_h * x + h.z * wi.z);
         let sin_d = (dx * dx + dy * dy).sqrt();
-        let u = (sin_h / (1.0 + h.z)).sqrt() * (HALF - 1) as f32;
+        let u = (sin_h / (1.0 + h.z)).sqrt() * (self.half - 1) as f32;
         let steepness = sin_h * dx.abs() / (h.z * sin_d).max(1e-12);
         let share = sin_d / (1.0 + dz) * (steepness + (steepness * steepness + 1.0).sqrt());
-        let v = share * ((DIFFERENCE - 1) as f32 / INSIDE as f32);
+        let v = share * ((self.difference - 1) as f32 / INSIDE as f32);
         let (ax, ay) = (dx.abs(), dy.abs());
         let q = ay / (ax + ay).max(1e-20);
         let q = match self.turn {
@@ -152,7 +160,7 @@ impl BrdfTable {
                 (true, false) => 4.0 - q,
             },
         };
-        self.between(u, q * QUARTER as f32, v)
+        self.between(u, q * self.quarter as f32, v)
     }
 
     #[inline]
@@ -161,12 +169,12 @@ impl BrdfTable {
             let k = (x as usize).min(last - 1);
             (k, (x - k as f32).clamp(0.0, 1.0))
         };
-        let (h, fh) = split(u, HALF - 1);
-        let (d, fd) = split(v, DIFFERENCE - 1);
-        let (a0, fa) = split(q, if self.turn == Turn::Quarter { QUARTER } else { self.azimuths });
+        let (h, fh) = split(u, self.half - 1);
+        let (d, fd) = split(v, self.difference - 1);
+        let (a0, fa) = split(q, if self.turn == Turn::Quarter { self.quarter } else { self.azimuths });
         let a1 = if a0 + 1 == self.azimuths { 0 } else { a0 + 1 };
         let line = |h: usize, a: usize| {
-            let at = (h * self.azimuths + a) * DIFFERENCE + d;
+            let at = (h * self.azimuths + a) * self.difference + d;
             self.values[at] + fd * (self.values[at + 1] - self.values[at])
         };
         let plane = |h: usize| {
@@ -179,21 +187,21 @@ impl BrdfTable {
 }
 
 /// The nodes, those without a value filled from their neighbours, nearest first; `None` where no node has one.
-fn filled(mut nodes: Vec<Option<Rgb>>, turn: Turn) -> Option<Vec<Rgb>> {
-    let (azimuths, round) = (turn.azimuths(), turn != Turn::Quarter);
-    let place = |h: usize, a: usize, d: usize| (h * azimuths + a) * DIFFERENCE + d;
+fn filled(mut nodes: Vec<Option<Rgb>>, [half, difference, quarter]: [usize; 3], turn: Turn) -> Option<Vec<Rgb>> {
+    let (azimuths, round) = (turn.azimuths(quarter), turn != Turn::Quarter);
+    let place = |h: usize, a: usize, d: usize| (h * azimuths + a) * difference + d;
     while nodes.iter().any(Option::is_none) {
         let found: Vec<(usize, Rgb)> = (0..nodes.len())
             .filter(|&k| nodes[k].is_none())
             .filter_map(|k| {
-                let (h, a, d) = (k / DIFFERENCE / azimuths, k / DIFFERENCE % azimuths, k % DIFFERENCE);
+                let (h, a, d) = (k / difference / azimuths, k / difference % azimuths, k % difference);
                 let next = if a + 1 < azimuths { Some(a + 1) } else { round.then_some(0) };
                 let last = if a > 0 { Some(a - 1) } else { round.then_some(azimuths - 1) };
                 let around = [
                     h.checked_sub(1).map(|h| place(h, a, d)),
-                    (h + 1 < HALF).then(|| place(h + 1, a, d)),
+                    (h + 1 < half).then(|| place(h + 1, a, d)),
                     d.checked_sub(1).map(|d| place(h, a, d)),
-                    (d + 1 < DIFFERENCE).then(|| place(h, a, d + 1)),
+                    (d + 1 < difference).then(|| place(h, a, d + 1)),
                     next.map(|a| place(h, a, d)),
                     last.map(|a| place(h, a, d)),
                 ];
@@ -208,4 +216,33 @@ fn filled(mut nodes: Vec<Option<Rgb>>, turn: Turn) -> Option<Vec<Rgb>> {
         found.into_iter().for_each(|(k, value)| nodes[k] = Some(value));
     }
     nodes.into_iter().collect()
+}
+
+/// The nodes less a twelfth of their second differences, along each axis in turn: linear interpolation then keeps the mean. No node loses
+/// more than half of its value. The first and the last of an axis that does not go round stay.
+fn lowered(mut nodes: Vec<Rgb>, [half, difference, quarter]: [usize; 3], turn: Turn) -> Vec<Rgb> {
+    let azimuths = turn.azimuths(quarter);
+    let round = turn != Turn::Quarter;
+    for (step, count, round) in
+        [(1, difference, false), (difference, azimuths, round), (azimuths * difference, half, false)]
+    {
+        let before = nodes.clone();
+        for (k, node) in nodes.iter_mut().enumerate() {
+            let at = k / step % count;
+            let first = k - at * step;
+            let (last, next) = if round {
+                ((at + count - 1) % count, (at + 1) % count)
+            } else if at == 0 || at + 1 == count {
+                continue;
+            } else {
+                (at - 1, at + 1)
+            };
+            *node = [0, 1, 2].map(|c| {
+                let value = before[k][c];
+                let second = before[first + last * step][c] - 2.0 * value + before[first + next * step][c];
+                (value - second / 12.0).max(0.5 * value)
+            });
+        }
+    }
+    nodes
 }

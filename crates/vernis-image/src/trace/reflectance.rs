@@ -1,7 +1,7 @@
 //! How a surface reflects, as it is evaluated and sampled.
 
 use super::TraceError;
-use super::brdf_table::BrdfTable;
+use super::brdf_table::{BrdfTable, SIZE};
 use super::lobe::{Lobe, cosine};
 use super::sampler::Sampler;
 use crate::scene::{Reflectance, Wood};
@@ -97,7 +97,7 @@ impl Surface {
                 (Value::Constant(Vec3A::new(r as f32, g as f32, b as f32)), true)
             }
             Some(model) if !slow(model.model()) => (Value::Exact(brdf.clone()), true),
-            _ => (Value::Table(BrdfTable::new(&**brdf)?), false),
+            _ => (Value::Table(BrdfTable::new(&**brdf, SIZE)?), false),
         };
         let lobe = if let Value::Constant(_) = value { None } else { Lobe::new(&value) };
         let surface = Self { value, lobe, wood: None };
@@ -179,5 +179,31 @@ impl At<'_> {
             None => cosine(place[0], place[1]),
         };
         (wi, if wi.z > 0.0 { self.density(wi) } else { 0.0 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vernis_metric::brdf::BrdfSource;
+
+    #[test]
+    #[ignore]
+    fn dev_table_sizes() {
+        let data = std::env::var("VERNIS_DATA").unwrap();
+        for material in ["gold-metallic-paint", "chrome", "green-fabric", "alum-bronze"] {
+            let open =
+                BrdfSource::parse(&format!("merl_nbrdf.zip:{material}")).unwrap().open(Some(data.as_ref())).unwrap();
+            for size in [[128, 48, 16], [160, 64, 20], [192, 64, 20], [192, 64, 24]] {
+                let started = std::time::Instant::now();
+                let table = BrdfTable::new(&*open.brdf, size).unwrap();
+                let t = started.elapsed().as_secs_f64();
+                let value = Value::Table(table);
+                let lobe = Lobe::new(&value);
+                let share = lobe.as_ref().map(|l| [l.share(1.0), l.share(0.5), l.share(0.1)]);
+                let surface = Surface { value, lobe, wood: None };
+                println!("{material} {size:?} {t:.2} s {:?} {share:?}", surface.compared_to(&*open.brdf).unwrap());
+            }
+        }
     }
 }

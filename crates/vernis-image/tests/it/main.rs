@@ -1,5 +1,6 @@
 //! The one integration binary of the package: each room's tests are a module.
 
+mod physics;
 #[allow(non_snake_case, reason = "scenes have the names of the reference")]
 mod render_golden;
 

@@ -59,7 +59,7 @@ pub struct RenderArgs {
     /// A light probe (latitude/longitude, Radiance .hdr), `white` or `lamps` [default: Grace of the data folder, else lamps].
     #[arg(long, value_name = "HDR|white|lamps")]
     light: Option<PathBuf>,
-    /// A mesh (.ply, .obj; put on the table, 2 high), `sphere` or `blob` [default: the Buddha of the data folder, else blob].
+    /// A mesh (.ply, .obj; put on the table, at most 2 high), `sphere` or `blob` [default: the Buddha of the data folder, else blob].
     #[arg(long, value_name = "MESH|sphere|blob")]
     shape: Option<PathBuf>,
     /// Leave the table out.
@@ -273,6 +273,7 @@ fn picture(shared: &Shared, args: &RenderArgs, what: &str) -> Result<()> {
     let bar = Bar::new();
     let started = Instant::now();
     let found = tracer.render(&|stage, progress| bar.update(stage, progress));
+    let seconds = started.elapsed().as_secs_f64();
     bar.finish();
     let picture = found.map_err(|e| user_error(format!("{what}: {e}")))?;
     let bytes = match format {
@@ -282,10 +283,10 @@ fn picture(shared: &Shared, args: &RenderArgs, what: &str) -> Result<()> {
     folder.write(&name, &bytes)?;
     let Film { width, height, samples, bounces, .. } = scene.film;
     print(format!(
-        "{width}x{height} pixels, {}, {}, {:.1} s: {}\n",
+        "{width}x{height} pixels, {}, {}, {seconds:.2} s, {:.2} million rays a second: {}\n",
         counted(samples, "sample"),
         counted(bounces, "bounce"),
-        started.elapsed().as_secs_f64(),
+        tracer.rays() as f64 / 1e6 / seconds.max(1e-9),
         args.out.display()
     ))
 }

@@ -131,11 +131,12 @@ impl Mesh {
         self
     }
 
-    /// On the table: the middle of its box above the origin, its lowest point at y = 0, its height 2.
+    /// On the table: the middle of its box above the origin, its lowest point at y = 0, as large as fits into 2 in height and 1.5 across.
     pub fn on_the_table(self) -> Self {
         let (low, high) = self.bounds();
         let translate = [-0.5 * (low[0] + high[0]), -low[1], -0.5 * (low[2] + high[2])];
-        self.placed(translate, 2.0 / (high[1] - low[1]).max(1e-9))
+        let [width, height, depth] = [0, 1, 2].map(|k| (high[k] - low[k]).max(1e-9));
+        self.placed(translate, (2.0 / height).min(1.5 / width.max(depth)))
     }
 
     /// With the normals of its file, or the means about each vertex.
@@ -232,7 +233,7 @@ mod tests {
     fn it_is_moved_first_and_scaled_then() {
         let mesh = tetrahedron().placed([1.0, 0.0, -1.0], 2.0);
         assert_eq!(mesh.bounds(), ([2.0, 0.0, -2.0], [4.0, 2.0, 0.0]));
-        assert_eq!(tetrahedron().on_the_table().bounds(), ([-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]));
+        assert_eq!(tetrahedron().on_the_table().bounds(), ([-0.75, 0.0, -0.75], [0.75, 1.5, 0.75]));
     }
 
     #[test]

@@ -1,14 +1,16 @@
-//! Wood by formula: planks with rings and fibres, filtered to what a pixel can show.
+//! Wood by formula: planks cut from trunks, with rings and fibres, filtered to what a pixel can show.
 //!
-//! Planks of width 0.5 lie along x. With n a smooth noise of mean 0 and range about +-1, k the number of the plank,
+//! Planks of width 0.5 lie along z. With n a smooth noise of mean 0 and range about +-1, k the number of the plank, u the distance from its
+//! middle and h_k, g_k numbers of the plank from -1 to 1,
 //!
-//!   rings  = cos(2 pi (9 (z + 0.05 n(0.5 x, 1.5 z)) + 1.7 n(0.35 x, 0.8 k)))
-//!   fibres = n(3 x, 90 z),   tone = n(17.3 k, 0)
-//!   share  = 0.5 + 0.22 rings + 0.16 fibres + 0.18 tone
-//!   albedo = dark + share (light - dark)
+//!   r      = sqrt((u + 0.2 h_k)^2 + (0.1 + 0.05 z g_k + 0.05 n(2 u, 0.7 z))^2), the distance from the heart of the trunk
+//!   rings  = cos(2 pi (14 r + 0.5 n(3 u, 0.5 z)))
+//!   fibres = n(110 x, 3 z)
+//!   share  = 0.5 + 0.16 rings + 0.18 fibres + 0.2 g_k
+//!   albedo = dark + share (light - dark), times 0.35 in a seam of width 0.006 between planks
 //!
 //! Each term fades with the footprint w of the pixel as a Gaussian filter of standard deviation w / 2 makes it: by
-//! exp(-2 (pi f w / 2)^2) for f periods a length. Nothing is left that could alias.
+//! exp(-(pi f w)^2 / 2) for f periods a length; a seam by the share of the footprint that it fills. Nothing is left that could alias.
 
 use std::f64::consts::PI;
 
@@ -16,10 +18,12 @@ const DARK: [f64; 3] = [0.24, 0.115, 0.045];
 const LIGHT: [f64; 3] = [0.60, 0.365, 0.175];
 /// Width of a plank.
 const PLANK: f64 = 0.5;
-/// Rings a length, across the planks.
-const RINGS: f64 = 9.0;
+/// Rings a length, away from the heart.
+const RINGS: f64 = 14.0;
 /// Fibres a length, across the planks.
-const FIBRES: f64 = 90.0;
+const FIBRES: f64 = 110.0;
+/// Width of the seam between two planks, and what it leaves of the light.
+const SEAM: (f64, f64) = (0.006, 0.35);
 
 /// The wood of the study's table: a Lambert reflector whose albedo follows the formula.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -51,20 +55,26 @@ fn left(f: f64, w: f64) -> f64 {
 impl Wood {
     /// Albedo at (x, z) as a pixel sees it that covers about `footprint` of the table.
     pub fn albedo(self, x: f64, z: f64, footprint: f64) -> [f64; 3] {
-        let plank = (z / PLANK).floor();
+        let plank = (x / PLANK).floor();
+        let u = x - PLANK * (plank + 0.5);
+        let [h, g] = [1, 2].map(|k| hashed(plank as i64, k));
         let fibres = left(0.5 * FIBRES, footprint);
         let rings = left(RINGS, footprint);
-        let mut share = 0.5 + 0.18 * noise(17.3 * plank, 0.5) * left(0.5 / PLANK, footprint);
+        let mut share = 0.5 + 0.2 * g * left(0.5 / PLANK, footprint);
         if rings > 1e-3 {
-            let bend = 0.05 * noise(0.5 * x + 31.0 * plank, 1.5 * z);
-            let shift = 1.7 * noise(0.35 * x, 0.8 * plank);
-            share += 0.22 * rings * (2.0 * PI * (RINGS * (z + bend) + shift)).cos();
+            let off = 31.0 * plank;
+            let depth = 0.1 + 0.05 * z * g + 0.05 * noise(2.0 * u + off, 0.7 * z);
+            let r = (u + 0.2 * h).hypot(depth);
+            share += 0.16 * rings * (2.0 * PI * (RINGS * r + 0.5 * noise(3.0 * u + off, 0.5 * z + 7.0))).cos();
         }
         if fibres > 1e-3 {
-            share += 0.16 * fibres * noise(3.0 * x + 57.0 * plank, FIBRES * z);
+            share += 0.18 * fibres * noise(FIBRES * x, 3.0 * z + 57.0 * plank);
         }
         let share = share.clamp(0.0, 1.0);
-        [0, 1, 2].map(|c| DARK[c] + share * (LIGHT[c] - DARK[c]))
+        let (width, dark) = SEAM;
+        let seam = (0.5 * (width + footprint) - (0.5 * PLANK - u.abs())).clamp(0.0, width.min(footprint.max(1e-6)));
+        let light = 1.0 - (1.0 - dark) * (seam / footprint.max(1e-6)).min(1.0);
+        [0, 1, 2].map(|c| light * (DARK[c] + share * (LIGHT[c] - DARK[c])))
     }
 }
 
@@ -83,8 +93,8 @@ mod tests {
         let apart = |w: f64| {
             (0..200)
                 .map(|k| {
-                    let z = 0.013 * k as f64;
-                    (Wood.albedo(0.3, z, w)[0] - Wood.albedo(0.3, z + 1.0 / FIBRES, w)[0]).abs()
+                    let x = 0.0013 * k as f64;
+                    (Wood.albedo(x, 0.3, w)[0] - Wood.albedo(x + 1.0 / FIBRES, 0.3, w)[0]).abs()
                 })
                 .fold(0.0, f64::max)
         };

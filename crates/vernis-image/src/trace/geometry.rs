@@ -1,14 +1,9 @@
 //! Rays against the shape and the table.
 
+use super::tree::Tree;
 use crate::scene::{Mesh, Scene, Shape};
 use glam::Vec3A;
-use obvhs::BvhBuildParams;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh_from_tris;
-use obvhs::ray::{Ray, RayHit};
-use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
-use std::time::Duration;
 
 /// A distance that rays start off a surface, as a share of the largest coordinate there: some 80 roundings.
 const OFFSET: f32 = 1e-5;
@@ -27,10 +22,9 @@ enum Body {
     Mesh(Triangles),
 }
 
-/// A mesh in the order of its tree.
+/// A mesh and its tree.
 struct Triangles {
-    tree: CwBvh,
-    triangles: Vec<RtTriangle>,
+    tree: Tree,
     /// Normals at the corners; empty where faces are flat.
     normals: Vec<[Vec3A; 3]>,
 }
@@ -64,36 +58,20 @@ impl Triangles {
                 Triangle { v0, v1, v2 }
             })
             .collect();
-        let tree = build_cwbvh_from_tris(&all, BvhBuildParams::medium_build(), &mut Duration::default());
-        let order = || tree.primitive_indices.iter().map(|&k| k as usize);
-        let triangles = order().map(|k| RtTriangle::from(&all[k])).collect();
-        let normals = order().filter_map(|k| mesh.corner_normals(kept[k])).map(|n| n.map(vector)).collect();
-        Self { triangles, normals, tree }
+        let normals = kept.iter().filter_map(|&face| mesh.corner_normals(face)).map(|n| n.map(vector)).collect();
+        Self { tree: Tree::new(&all), normals }
     }
 
     #[inline]
     fn closest(&self, from: Vec3A, direction: Vec3A, most: f32) -> Option<Hit> {
-        let ray = Ray::new(from, direction, 0.0, most);
-        let mut found = RayHit::none();
-        if !self.tree.ray_traverse(ray, &mut found, |ray, k| self.triangles[k].intersect(ray)) {
-            return None;
-        }
-        let at = found.primitive_id as usize;
-        let triangle = &self.triangles[at];
-        let weights = triangle.compute_barycentric(&ray);
-        // e1 = v0 - v1, e2 = v2 - v0; more exact than a point along the ray.
-        let point = triangle.v0 - weights.x * triangle.e1 + weights.y * triangle.e2;
-        let geometric = triangle.compute_normal();
-        let shading = self.normals.get(at).map_or(geometric, |[a, b, c]| {
-            ((1.0 - weights.x - weights.y) * *a + weights.x * *b + weights.y * *c).normalize_or(geometric)
-        });
-        Some(Hit { distance: found.t, point, geometric, shading, is_table: false })
-    }
-
-    #[inline]
-    fn blocks(&self, from: Vec3A, direction: Vec3A) -> bool {
-        let ray = Ray::new(from, direction, 0.0, f32::MAX);
-        !self.tree.ray_traverse_miss(ray, |ray, k| self.triangles[k].intersect(ray))
+        let found = self.tree.closest(from, direction, most)?;
+        let geometric = found.normal.normalize();
+        let [u, v] = found.weights;
+        let shading = self
+            .normals
+            .get(found.triangle)
+            .map_or(geometric, |[a, b, c]| ((1.0 - u - v) * *a + u * *b + v * *c).normalize_or(geometric));
+        Some(Hit { distance: found.distance, point: found.point, geometric, shading, is_table: false })
     }
 }
 
@@ -154,7 +132,7 @@ impl Geometry {
             return true;
         }
         match &self.shape {
-            Body::Mesh(triangles) => triangles.blocks(from, direction),
+            Body::Mesh(triangles) => triangles.tree.blocks(from, direction),
             Body::Sphere { center, radius } => sphere_distance(*center, *radius, from, direction).is_some(),
         }
     }
@@ -194,16 +172,35 @@ mod tests {
             let (z, phi) = (2.0 * u(0.618) - 1.0, 6.283 * u(0.4142));
             let direction = Vec3A::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
             let from = if k % 2 == 0 { Vec3A::new(0.0, 1.0, 0.0) } else { Vec3A::new(0.1, 1.2, 0.1) - 4.0 * direction };
-            let ray = Ray::new(from, direction, 0.0, f32::MAX);
-            let expected = triangles.triangles.iter().map(|t| t.intersect(&ray)).fold(f32::INFINITY, f32::min);
-            let found = triangles.closest(from, direction, f32::MAX).map_or(f32::INFINITY, |hit| hit.distance);
-            assert_eq!(found, expected, "ray {k}");
-            assert_eq!(triangles.blocks(from, direction), expected.is_finite());
-            if let Some(hit) = triangles.closest(from, direction, f32::MAX) {
+            let expected =
+                (0..mesh.len()).map(|face| meets(&mesh, face, from, direction)).fold(f64::INFINITY, f64::min);
+            let found = triangles.closest(from, direction, f32::MAX);
+            let distance = found.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
+            assert!(distance == expected || (distance - expected).abs() < 1e-4, "ray {k}: {distance} {expected}");
+            assert_eq!(triangles.tree.blocks(from, direction), expected.is_finite());
+            if let Some(hit) = found {
                 assert!((hit.point - (from + hit.distance * direction)).length() < 1e-5);
                 assert!((hit.shading.length() - 1.0).abs() < 1e-5 && hit.shading.dot(hit.geometric) > 0.0);
+                assert!(triangles.closest(from, direction, 0.99 * hit.distance).is_none());
             }
         }
+    }
+
+    /// Distance to a face in double precision.
+    fn meets(mesh: &Mesh, face: usize, from: Vec3A, direction: Vec3A) -> f64 {
+        let wide = |v: Vec3A| v.to_array().map(f64::from);
+        let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let minus = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| a[k] - b[k]);
+        let [a, b, c] = mesh.corners(face);
+        let (e1, e2, s) = (minus(b, a), minus(c, a), minus(wide(from), a));
+        let p = cross(wide(direction), e2);
+        let q = cross(s, e1);
+        let det = dot(e1, p);
+        let (u, v, t) = (dot(s, p) / det, dot(wide(direction), q) / det, dot(e2, q) / det);
+        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 { t } else { f64::INFINITY }
     }
 
     #[test]

@@ -47,6 +47,7 @@ impl World {
     /// Radiance that comes back along a ray from the camera.
     #[inline]
     pub fn radiance(&self, from: Vec3A, direction: Vec3A, sampler: &mut Sampler) -> Vec3A {
+        sampler.rays += 1;
         match self.geometry.closest(from, direction) {
             Some(hit) => self.reflected(hit, direction, sampler),
             None if self.background => self.light.towards(direction).0,
@@ -82,8 +83,11 @@ impl World {
                 if wi.z > 0.0 && light.direction.dot(geometric) > 0.0 {
                     let value = at.value(wi) * (wi.z / (light.density + at.density(wi)));
                     let found = weight * value * light.radiance;
-                    if found.max_element() > 0.0 && !self.geometry.blocks(start, light.direction) {
-                        sum += found;
+                    if found.max_element() > 0.0 {
+                        sampler.rays += 1;
+                        if !self.geometry.blocks(start, light.direction) {
+                            sum += found;
+                        }
                     }
                 }
             }
@@ -105,6 +109,7 @@ impl World {
                 let (radiance, by_light) = self.light.towards(direction);
                 weight * radiance * (density / (density + by_light))
             };
+            sampler.rays += 1;
             if surface == self.bounces {
                 if !self.geometry.blocks(start, direction) {
                     sum += seen(weight);

@@ -11,6 +11,7 @@ mod light;
 mod lobe;
 mod reflectance;
 mod sampler;
+mod tree;
 
 pub use reflectance::Tabulation;
 
@@ -23,7 +24,7 @@ use light::Lighting;
 use rayon::prelude::*;
 use reflectance::Surface;
 use sampler::{Sampler, unit};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use thiserror::Error;
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::math::Rgb;
@@ -56,6 +57,7 @@ pub struct Tracer {
     /// To the middle of the picture, and to the right and upper edges.
     axes: [Vec3A; 3],
     tabulation: Option<Tabulation>,
+    rays: AtomicU64,
 }
 
 impl Tracer {
@@ -95,12 +97,18 @@ impl Tracer {
             from: vector(from),
             axes: [vector(axes.forward), half * aspect * vector(axes.right), half * vector(axes.up)],
             tabulation,
+            rays: AtomicU64::new(0),
         })
     }
 
     /// How well the BRDF of the shape was tabulated, if it was.
     pub fn tabulation(&self) -> Option<Tabulation> {
         self.tabulation
+    }
+
+    /// How many rays were followed so far.
+    pub fn rays(&self) -> u64 {
+        self.rays.load(Ordering::Relaxed)
     }
 
     /// The picture: linear RGB radiance. `observer` is told of rows that are done.
@@ -112,9 +120,11 @@ impl Tracer {
         let mut pixels = vec![[0.0f32; 3]; width.saturating_mul(height)];
         let done = AtomicUsize::new(0);
         pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
+            let mut rays = 0;
             for (column, pixel) in pixels.iter_mut().enumerate() {
-                *pixel = self.pixel(column, row);
+                *pixel = self.pixel(column, row, &mut rays);
             }
+            self.rays.fetch_add(rays, Ordering::Relaxed);
             observer("rendering", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total: height });
         });
         if let Some(k) = pixels.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
@@ -123,7 +133,7 @@ impl Tracer {
         Picture::new(width, height, pixels).ok_or(TraceError::Film { width, height })
     }
 
-    fn pixel(&self, column: usize, row: usize) -> [f32; 3] {
+    fn pixel(&self, column: usize, row: usize, rays: &mut u64) -> [f32; 3] {
         let Film { width, height, samples, seed, .. } = self.film;
         let numbers = Sampler::pixel(seed, (row * width + column) as u64);
         let [forward, right, up] = self.axes;
@@ -136,6 +146,7 @@ impl Tracer {
             let direction = (forward + x * right + y * up).normalize();
             let found = self.world.radiance(self.from, direction, &mut sampler).to_array();
             (0..3).for_each(|c| sum[c] += f64::from(found[c]));
+            *rays += u64::from(sampler.rays);
         }
         sum.map(|s| (s / samples.max(1) as f64) as f32)
     }

@@ -13,6 +13,8 @@ pub struct Sampler {
     index: u32,
     /// Of the independent numbers.
     state: u64,
+    /// Rays that the path has followed.
+    pub rays: u32,
 }
 
 /// The mixing function of splitmix64.
@@ -60,7 +62,7 @@ impl Sampler {
     #[inline]
     pub fn new(pixel: u64, index: u32) -> Self {
         let state = mixed(pixel ^ (u64::from(index) << 32 | u64::from(index)).wrapping_mul(0xd6e8_feb8_6659_fd93));
-        Self { scramble: (pixel >> 32) as u32, index, state }
+        Self { scramble: (pixel >> 32) as u32, index, state, rays: 0 }
     }
 
     /// Two stratified numbers, 32 bits each. Each `dimension` is to be asked for once.

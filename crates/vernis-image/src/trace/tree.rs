@@ -16,8 +16,9 @@ use std::time::Duration;
 const LEAF: u32 = 1 << 31;
 /// Marks a child that is not there: its box is empty.
 const NONE: u32 = u32::MAX;
-/// More than the depth of any tree over [`crate::scene::MOST_FACES`] times three pending siblings.
-const STACK: usize = 256;
+/// Nodes that wait in nearly every tree, and in any: a deeper tree than 300 nodes is not made of finite coordinates.
+const USUAL_STACK: usize = 64;
+const LARGE_STACK: usize = 1024;
 /// Roundings in the test of a box make it this much larger.
 const LARGER: f32 = 1.000_001;
 
@@ -40,6 +41,8 @@ struct Pack {
 pub struct Tree {
     nodes: Vec<Node>,
     packs: Vec<Pack>,
+    /// Nodes from the root to the deepest leaf.
+    depth: usize,
 }
 
 /// Where a ray meets a triangle.
@@ -120,14 +123,15 @@ impl Tree {
     pub fn new(triangles: &[Triangle]) -> Self {
         let params = BvhBuildParams { max_prims_per_leaf: 1, pre_split: false, ..BvhBuildParams::medium_build() };
         let binary = build_bvh2_from_tris(triangles, params, &mut Duration::default());
-        let mut tree = Self { nodes: Vec::new(), packs: Vec::new() };
+        let mut tree = Self { nodes: Vec::new(), packs: Vec::new(), depth: 0 };
         let counts = counts(&binary);
-        tree.add(&binary, &counts, triangles, &[0]);
+        tree.add(&binary, &counts, triangles, &[0], 1);
         tree
     }
 
     /// Adds a node whose children are gathered from `open`, nodes of the binary tree, and returns its place.
-    fn add(&mut self, binary: &Bvh2, counts: &[u32], triangles: &[Triangle], open: &[usize]) -> u32 {
+    fn add(&mut self, binary: &Bvh2, counts: &[u32], triangles: &[Triangle], open: &[usize], depth: usize) -> u32 {
+        self.depth = self.depth.max(depth);
         let is_inner = |node: usize| counts[node] > 4;
         let mut open = open.to_vec();
         while open.len() < 4 {
@@ -151,7 +155,7 @@ impl Tree {
             }
             let child = if is_inner(node) {
                 let first = binary.nodes[node].first_index as usize;
-                self.add(binary, counts, triangles, &[first, first + 1])
+                self.add(binary, counts, triangles, &[first, first + 1], depth + 1)
             } else {
                 let mut ids = Vec::new();
                 gather(binary, node, &mut ids);
@@ -163,9 +167,34 @@ impl Tree {
         at as u32
     }
 
+    /// Whether three waiting siblings a level fit into the usual stack.
+    #[inline(always)]
+    fn is_usual(&self) -> bool {
+        3 * self.depth < USUAL_STACK
+    }
+
     /// The first triangle before `most`.
     #[inline]
     pub fn closest(&self, from: Vec3A, direction: Vec3A, most: f32) -> Option<TriangleHit> {
+        if self.is_usual() {
+            self.closest_by::<USUAL_STACK>(from, direction, most)
+        } else {
+            self.closest_by::<LARGE_STACK>(from, direction, most)
+        }
+    }
+
+    /// Whether any triangle is in the way.
+    #[inline]
+    pub fn blocks(&self, from: Vec3A, direction: Vec3A) -> bool {
+        if self.is_usual() {
+            self.blocks_by::<USUAL_STACK>(from, direction)
+        } else {
+            self.blocks_by::<LARGE_STACK>(from, direction)
+        }
+    }
+
+    #[inline(always)]
+    fn closest_by<const STACK: usize>(&self, from: Vec3A, direction: Vec3A, most: f32) -> Option<TriangleHit> {
         let ray = Ray4::new(from, direction);
         let mut best = most;
         let mut found = None;
@@ -220,9 +249,8 @@ impl Tree {
         })
     }
 
-    /// Whether any triangle is in the way.
-    #[inline]
-    pub fn blocks(&self, from: Vec3A, direction: Vec3A) -> bool {
+    #[inline(always)]
+    fn blocks_by<const STACK: usize>(&self, from: Vec3A, direction: Vec3A) -> bool {
         let ray = Ray4::new(from, direction);
         let mut stack = [0u32; STACK];
         let mut height = 1;

@@ -1,19 +1,19 @@
 //! Paths: what comes back along a ray.
 //!
 //! At each surface, one direction is chosen by the light's texels and one by the BRDF, weighted by the balance heuristic (Veach 1997,
-//! eq. 9.8); the path goes on along the second. A path has at most `bounces` surfaces. From the fourth surface on, a path goes on
-//! with a probability of its weight (Russian roulette, divided out).
+//! eq. 9.8); the path goes on along the second. A path has at most `bounces` surfaces. From the second surface on, a path goes on
+//! with a probability of the largest channel of its weight (Russian roulette, divided out).
 //!
 //! Sides: the geometric and the shading normal are each turned towards the viewer; a light counts if it is in front of both.
 
 use super::geometry::{Geometry, Hit};
 use super::light::Lighting;
-use super::reflectance::{Surface, luminance};
+use super::reflectance::Surface;
 use super::sampler::{Sampler, unit};
 use glam::Vec3A;
 
 /// Surfaces before paths may end by chance.
-const SURE: usize = 3;
+const SURE: usize = 1;
 /// The footprint of a path that has been scattered, on wood.
 const SCATTERED_FOOTPRINT: f32 = 0.25;
 
@@ -124,7 +124,7 @@ impl World {
                 Some(next) => hit = next,
             }
             if surface >= SURE {
-                let stay = luminance(weight).clamp(0.05, 1.0);
+                let stay = weight.max_element().clamp(0.05, 1.0);
                 if stay < 1.0 {
                     if unit(sampler.next() as u32) >= stay {
                         break;

@@ -184,25 +184,55 @@ impl At<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::brdf_table::{BrdfTable, SIZE};
     use super::*;
-    use vernis_metric::brdf::BrdfSource;
+    use vernis_metric::brdf::models::build;
 
+    /// A table keeps the energy of a lobe, broad or narrow, and a diffuse part with it.
     #[test]
-    #[ignore]
-    fn dev_table_sizes() {
-        let data = std::env::var("VERNIS_DATA").unwrap();
-        for material in ["gold-metallic-paint", "chrome", "green-fabric", "alum-bronze"] {
-            let open =
-                BrdfSource::parse(&format!("merl_nbrdf.zip:{material}")).unwrap().open(Some(data.as_ref())).unwrap();
-            for size in [[128, 48, 16], [160, 64, 20], [192, 64, 20], [192, 64, 24]] {
-                let started = std::time::Instant::now();
-                let table = BrdfTable::new(&*open.brdf, size).unwrap();
-                let t = started.elapsed().as_secs_f64();
-                let value = Value::Table(table);
-                let lobe = Lobe::new(&value);
-                let share = lobe.as_ref().map(|l| [l.share(1.0), l.share(0.5), l.share(0.1)]);
-                let surface = Surface { value, lobe, wood: None };
-                println!("{material} {size:?} {t:.2} s {:?} {share:?}", surface.compared_to(&*open.brdf).unwrap());
+    fn a_table_stands_for_its_brdf() {
+        for (alpha, allowed) in [(0.05, 0.01), (0.1, 0.003), (0.3, 0.002), (0.8, 0.002)] {
+            let brdf = build("ggx", &[0.1, 0.15, 0.2, 0.5, 0.4, 0.2, alpha]).expect("valid");
+            let value = Value::Table(BrdfTable::new(&*brdf, SIZE).expect("finite"));
+            let surface = Surface { lobe: Lobe::new(&value), value, wood: None };
+            let found = surface.compared_to(&*brdf).expect("comparable");
+            assert!(found.mean_error < allowed && found.bias.abs() < 0.5 * allowed, "{alpha}: {found:?}");
+        }
+    }
+
+    /// The share of directions that are chosen in a part of the sphere is the integral of the density there.
+    #[test]
+    fn directions_are_chosen_with_the_density_that_is_stated() {
+        let brdf = build("ggx", &[0.1, 0.15, 0.2, 0.5, 0.4, 0.2, 0.15]).expect("valid");
+        let value = Value::Exact(brdf);
+        let surface = Surface { lobe: Lobe::new(&value), value, wood: None };
+        for cos in [0.95f32, 0.5, 0.1] {
+            let wo = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+            let at = surface.at(wo, Vec3A::ZERO, 0.0);
+            // Cells of equal solid angle above the horizon.
+            const CELLS: (usize, usize) = (8, 8);
+            let n = 40_000;
+            let (mut chosen, mut stated) = ([0.0f64; 64], [0.0f64; 64]);
+            let cell = |w: Vec3A| {
+                let turn = f64::from(w.y).atan2(f64::from(w.x)) / std::f64::consts::TAU;
+                let column = ((turn - turn.floor()) * CELLS.1 as f64) as usize;
+                (f64::from(w.z) * CELLS.0 as f64).min(7.0) as usize * CELLS.1 + column.min(7)
+            };
+            for k in 0..n {
+                let mut sampler = Sampler::new(Sampler::pixel(5, 0), k);
+                let (wi, density) = at.sample(sampler.two(), sampler.next());
+                if density > 0.0 {
+                    chosen[cell(wi)] += 1.0 / f64::from(n);
+                }
+                // The integral by directions uniform over the hemisphere.
+                let [a, b] = sampler.pair(7).map(|x| f64::from(x) / (1u64 << 32) as f64);
+                let (z, phi) = (a as f32, (std::f64::consts::TAU * b) as f32);
+                let w = Vec3A::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
+                stated[cell(w)] += f64::from(at.density(w)) * std::f64::consts::TAU / f64::from(n);
+            }
+            for k in 0..64 {
+                let allowed = 5.0 * (stated[k].max(1e-4) / f64::from(n)).sqrt() + 0.03 * stated[k];
+                assert!((chosen[k] - stated[k]).abs() < allowed, "{cos} {k}: {} {}", chosen[k], stated[k]);
             }
         }
     }

@@ -208,11 +208,11 @@ macro_rules! scenes {
 
 scenes! {
     sphere_lambert_grace: 64,
-    sphere_ggxF1_grace: 64,
+    sphere_ggxF1_grace: 128,
     sphere_ggxschlick_uffizi: 64,
     buddha_lambert_white_direct: 64,
-    buddha_ggxschlick_grace_direct: 64,
-    buddha_lambert08_grace_bounces: 64,
-    buddha_nbrdf_goldmetallicpaint_grace_direct: 64,
-    buddha_ggxschlick_grace_table_bounces: 64,
+    buddha_ggxschlick_grace_direct: 128,
+    buddha_lambert08_grace_bounces: 192,
+    buddha_nbrdf_goldmetallicpaint_grace_direct: 128,
+    buddha_ggxschlick_grace_table_bounces: 192,
 }

@@ -63,12 +63,12 @@ fn a_brdf_becomes_a_picture_that_threads_do_not_change() {
         &["--no-table"],
         &["--bounces", "1"],
     ] {
-        assert_ne!(one, render(&format!("{}.exr", more.concat()), more), "{more:?}");
+        assert_ne!(one, render(&format!("{}.exr", more.concat().replace('-', "")), more), "{more:?}");
     }
     let png = render("one.png", &[]);
     assert_eq!(&png[1..4], b"PNG");
     for more in [&["--tone", "srgb"][..], &["--tone", "none"], &["--exposure", "-1"], &["--gamma", "0.8"]] {
-        assert_ne!(png, render(&format!("{}.png", more.concat()), more), "{more:?}");
+        assert_ne!(png, render(&format!("{}.png", more.concat().replace('-', "")), more), "{more:?}");
     }
 }
 

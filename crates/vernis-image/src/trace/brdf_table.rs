@@ -96,7 +96,8 @@ impl BrdfTable {
                     .map(|k| Self::directions(size, h, k / difference, k % difference))
                     .unzip();
                 let mut values = vec![None; wi.len()];
-                brdf.eval_in_gamut(&wi, &wo, &mut values);
+                // As `Value::at` asks.
+                brdf.eval_in_gamut(&wo, &wi, &mut values);
                 values
             })
             .collect();

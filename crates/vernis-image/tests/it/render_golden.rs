@@ -5,6 +5,8 @@
 //! computed, four of them are averaged here), and the mean of the film. `VERNIS_RENDER_GOLDEN` may name a file with blocks of
 //! any other size in the same form.
 //!
+//! The samples here are few, so that the tests take seconds. With `VERNIS_RENDER_MORE=3` our standard errors are at most Mitsuba's.
+//!
 //! z = (ours - theirs) / sqrt(our standard error^2 + theirs^2), ours from independent seeds. With standard errors from 16 seeds, z
 //! is distributed as Student's t with some 15 degrees of freedom: its mean square is 15/13.
 
@@ -192,7 +194,10 @@ fn check(name: &str, samples: usize) {
         (variance / their_variance).sqrt()
     );
     assert!(worst < 4.5, "{name}: z {worst}");
-    assert!((0.7..1.4).contains(&mean_square), "{name}: mean square of z is {mean_square}");
+    // Channels and neighbours vary together: of some 130 means a third are independent, and the mean square of t with 15 degrees of
+    // freedom over 44 of them has a standard deviation of 0.3.
+    let allowed = if compared > 400.0 { 0.7..1.4 } else { 0.3..2.1 };
+    assert!(allowed.contains(&mean_square), "{name}: mean square of z is {mean_square}");
     assert!(of_total.iter().all(|z| z.abs() < 3.0), "{name}: {of_total:?}");
 }
 
@@ -211,8 +216,8 @@ scenes! {
     sphere_ggxF1_grace: 128,
     sphere_ggxschlick_uffizi: 64,
     buddha_lambert_white_direct: 64,
-    buddha_ggxschlick_grace_direct: 128,
-    buddha_lambert08_grace_bounces: 192,
-    buddha_nbrdf_goldmetallicpaint_grace_direct: 128,
-    buddha_ggxschlick_grace_table_bounces: 192,
+    buddha_ggxschlick_grace_direct: 64,
+    buddha_lambert08_grace_bounces: 64,
+    buddha_nbrdf_goldmetallicpaint_grace_direct: 64,
+    buddha_ggxschlick_grace_table_bounces: 64,
 }

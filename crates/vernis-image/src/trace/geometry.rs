@@ -169,7 +169,7 @@ mod tests {
         let triangles = Triangles::new(&mesh);
         for k in 0..300 {
             let u = |step: f32| (0.5 + k as f32 * step).fract();
-            let (z, phi) = (2.0 * u(0.618) - 1.0, 6.283 * u(0.4142));
+            let (z, phi) = (2.0 * u(0.618) - 1.0, std::f32::consts::TAU * u(0.4142));
             let direction = Vec3A::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
             let from = if k % 2 == 0 { Vec3A::new(0.0, 1.0, 0.0) } else { Vec3A::new(0.1, 1.2, 0.1) - 4.0 * direction };
             let expected =

@@ -123,7 +123,9 @@ impl Surface {
             let at = self.at(view, Vec3A::ZERO, 1.0);
             let (light, p) = at.sample(sampler.pair(1), sampler.next());
             if light.z > 0.02 && p > 0.0 {
-                (wi.push(light), wo.push(view), density.push(p));
+                wi.push(light);
+                wo.push(view);
+                density.push(p);
             }
         }
         let wide = |w: &Vec3A| Vec3::new(f64::from(w.x), f64::from(w.y), f64::from(w.z));

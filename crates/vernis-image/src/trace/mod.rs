@@ -2,7 +2,7 @@
 //!
 //! Unbiased, with a box filter over pixels. Row 0 is the top; pixel (column, row) covers [column, column + 1) / width of the picture.
 //! Every number of a path depends on seed, pixel and sample alone: the same bytes on any number of threads.
-//! Cost: `benches` and `experiments/render` state times.
+//! Cost: `experiments/peers/render.py` measures it beside Mitsuba.
 
 mod brdf_table;
 mod geometry;

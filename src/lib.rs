@@ -10,6 +10,8 @@ pub mod report;
 pub mod samples;
 pub mod train;
 
+/// The stimuli, path traced, and metrics that look at pictures.
+pub use vernis_image as image;
 pub use vernis_metric::{brdf, descriptor, fit, io, light, math, metric};
 
 /// Records and errors of [`dataset::csv_table`].

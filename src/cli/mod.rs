@@ -29,6 +29,7 @@ mod output;
 mod plausible;
 mod progress;
 mod refit;
+mod render;
 mod report;
 mod scale;
 mod score;
@@ -125,6 +126,8 @@ enum Command {
     Describe(describe::DescribeArgs),
     /// The values of a BRDF at pairs of directions, from a CSV file to a CSV file.
     Evaluate(evaluate::EvaluateArgs),
+    /// Render a BRDF, a scene, or the stimuli of a study.
+    Render(render::RenderArgs),
     /// Statistics of a study's ratings: means, agreement, material types, illuminations, screening.
     Study(study::StudyArgs),
     /// One page of a study: its ratings, its materials, and how metrics agree with them.
@@ -277,6 +280,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Metrics(args) => metrics::run(&cli.shared, args),
         Command::Describe(args) => describe::run(&cli.shared, args),
         Command::Evaluate(args) => evaluate::run(&cli.shared, args),
+        Command::Render(args) => render::run(&cli.shared, args),
         Command::Study(args) => study::run(&cli.shared, args),
         Command::Report(args) => report::run(&cli.shared, args),
         Command::Data(args) => data::run(&cli.shared, args),

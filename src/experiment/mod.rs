@@ -18,6 +18,7 @@ pub mod plan;
 #[cfg(feature = "train")]
 pub mod rebuilt;
 pub mod refit;
+pub mod stimuli;
 pub mod sweep;
 #[cfg(feature = "train")]
 pub mod train;

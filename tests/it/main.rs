@@ -23,6 +23,7 @@ mod output;
 #[cfg(feature = "train")]
 mod plan;
 mod readme;
+mod render;
 mod report;
 mod rooms;
 mod score;

@@ -5,8 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A package, the folder of its library, and its rooms, top to bottom.
-const PACKAGES: [(&str, &str, &[&str]); 2] = [
+const PACKAGES: [(&str, &str, &[&str]); 3] = [
     ("vernis-metric", "crates/vernis-metric/src", &["math", "io", "brdf", "light", "descriptor", "metric", "fit"]),
+    ("vernis-image", "crates/vernis-image/src", &["picture", "scene", "trace", "display", "metric"]),
     ("vernis", "src", &["dataset", "samples", "train", "evaluation", "experiment", "panel", "report", "cli"]),
 ];
 
@@ -81,7 +82,7 @@ fn a_room_uses_only_rooms_above_it() {
                 );
             }
         }
-        assert!(uses > 20, "{package}: only {uses} uses between rooms were seen: the reader of the sources is broken");
+        assert!(uses > 4, "{package}: only {uses} uses between rooms were seen: the reader of the sources is broken");
     }
 }
 

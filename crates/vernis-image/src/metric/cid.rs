@@ -14,7 +14,7 @@
 //! two are different metrics.
 //!
 //! Source: Lissner, Preiss, Urban, Scheller Lichtenauer and Zolliker 2013 (doi:10.1109/TIP.2012.2216279), equations 4 to 12, with the
-//! default parameters of the authors' program. One of the metrics of Lavoue et al. 2021 (doi:10.1111/cgf.142637).
+//! default parameters of the authors' program. One of the metrics of Lavoue et al. 2021 (doi:10.1111/cgf.142636).
 //!
 //! Display: sRGB seen at 40 pixels a degree, fixed. Blind to: contrast of chroma (iCID sees it).
 

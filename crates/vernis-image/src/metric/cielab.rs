@@ -7,7 +7,7 @@
 //! `palette`'s.
 //!
 //! Source: CIE 15:2018, section 8.2.1; sRGB: IEC 61966-2-1:1999. The root of the mean square is the "CIELAB" of Lavoue, Bonneel,
-//! Farrugia and Soler 2021 (doi:10.1111/cgf.142637), section 6.
+//! Farrugia and Soler 2021 (doi:10.1111/cgf.142636), section 6.
 //!
 //! Display: a perfect sRGB display, white as bright as the eye is adapted to. Blind to: space altogether (every pixel is a patch of
 //! its own), so noise that the eye averages counts in full; viewing distance.
@@ -76,7 +76,7 @@ impl ImageMetric for Cielab {
             unit: "dE*ab",
             larger_is_better: false,
             distance: "the same",
-            source: "CIE 15:2018; Lavoue et al. 2021, doi:10.1111/cgf.142637",
+            source: "CIE 15:2018; Lavoue et al. 2021, doi:10.1111/cgf.142636",
             encodings: &[Encoding::Srgb],
             smallest: 1,
             most_pixels: MOST_PIXELS,

@@ -3,6 +3,7 @@
 mod encoded;
 mod error;
 pub mod read;
+pub mod write;
 
 pub use encoded::{BRIGHTEST, EncodedPicture, Encoding, MOST_PIXELS};
 pub use error::{PictureError, ReadError};

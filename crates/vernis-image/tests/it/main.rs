@@ -1,8 +1,11 @@
-//! The one integration binary of the package.
+//! The one integration binary of the package: each room's tests are a module.
 
 mod formula;
 mod golden;
+mod physics;
 mod reading;
+#[allow(non_snake_case, reason = "scenes have the names of the reference")]
+mod render_golden;
 
 use std::path::PathBuf;
 

@@ -5,8 +5,8 @@
 //! A file of a fit, which has a `format`, holds the same fields under `parameters`, among other things:
 //! `{"format": 1, "model": "ward", "parameters": {"kd": ...}, ...}`.
 
-use crate::brdf::BrdfError;
 use crate::brdf::models::{FieldError, ModelError, NamedParameters, names};
+use crate::brdf::{BrdfError, ContentHash, OpenBrdf};
 use crate::io::{nearest, read_at_most, unique_keys};
 use serde_json::Value;
 use std::path::Path;
@@ -26,6 +26,25 @@ pub fn read(path: &Path) -> Result<NamedParameters, BrdfError> {
         ParseError::Json(reason) => BrdfError::Malformed { path: path.to_owned(), format: "model in JSON", reason },
         ParseError::Content(e) => *e,
     })
+}
+
+/// A model that is part of another file: `place` says where, for messages.
+///
+/// # Errors
+/// What is no object, or no model and its parameters within their bounds.
+pub fn from_value(place: &str, value: &Value) -> Result<OpenBrdf, BrdfError> {
+    let Value::Object(object) = value else {
+        return Err(BrdfError::Field {
+            place: place.to_owned(),
+            field: "the model".to_owned(),
+            found: value.to_string(),
+            allowed: "an object, `{...}`".to_owned(),
+        });
+    };
+    let parameters = from_object(place, object)?;
+    let brdf = parameters.build().map_err(|cause| BrdfError::Model { place: place.to_owned(), cause })?;
+    let content = ContentHash::of(parameters.canonical().as_bytes());
+    Ok(OpenBrdf { notation: place.to_owned(), content, brdf })
 }
 
 enum ParseError {

@@ -28,7 +28,7 @@ model! {
         metallic: Number("1", (0.0, 1.0), 0.0),
         roughness: Number("1", (0.0, 1.0), 0.4),
         ior: Number("1", (1.0, 3.0), 1.5),
-        specular: Number("1", (0.0, 1.0), 1.0),
+        specular: Number("1", (0.0, 1.0), 0.9),
     }
 }
 

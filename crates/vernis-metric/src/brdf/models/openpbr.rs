@@ -36,8 +36,8 @@ model! {
         base_color: Colour("1", (0.0, 1.0), 0.2),
         base_metalness: Number("1", (0.0, 1.0), 0.0),
         base_diffuse_roughness: Number("1", (0.0, 1.0), 0.0),
-        specular_weight: Number("1", (0.0, 1.0), 1.0),
-        specular_color: Colour("1", (0.0, 1.0), 1.0),
+        specular_weight: Number("1", (0.0, 1.0), 0.9),
+        specular_color: Colour("1", (0.0, 1.0), 0.9),
         specular_roughness: Number("1", (0.0, 1.0), 0.4),
         specular_ior: Number("1", (1.0, 3.0), 1.5),
     }
@@ -47,8 +47,8 @@ model! {
     /// A metal: `base_color` at normal incidence, tinted by `specular_color` towards 82 degrees.
     OpenPbrMetal = "openpbr-metal" {
         base_color: Colour("1", (0.0, 1.0), 0.2),
-        specular_weight: Number("1", (0.0, 1.0), 1.0),
-        specular_color: Colour("1", (0.0, 1.0), 1.0),
+        specular_weight: Number("1", (0.0, 1.0), 0.9),
+        specular_color: Colour("1", (0.0, 1.0), 0.9),
         specular_roughness: Number("1", (0.0, 1.0), 0.4),
     }
 }
@@ -58,8 +58,8 @@ model! {
     OpenPbrDielectric = "openpbr-dielectric" {
         base_color: Colour("1", (0.0, 1.0), 0.2),
         base_diffuse_roughness: Number("1", (0.0, 1.0), 0.0),
-        specular_weight: Number("1", (0.0, 1.0), 1.0),
-        specular_color: Colour("1", (0.0, 1.0), 1.0),
+        specular_weight: Number("1", (0.0, 1.0), 0.9),
+        specular_color: Colour("1", (0.0, 1.0), 0.9),
         specular_roughness: Number("1", (0.0, 1.0), 0.4),
         specular_ior: Number("1", (1.0, 3.0), 1.5),
     }

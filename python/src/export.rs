@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use std::sync::Arc;
 use vernis_metric::fit::FitError;
 use vernis_metric::fit::export::{self, Renderer};
+use vernis_metric::metric::registry::Registry;
 
 /// Name and version of a metric, the distance, and the predicted score with its interval.
 type CostParts = (String, String, f64, Option<(f64, f64, f64)>);
@@ -46,9 +47,15 @@ impl Translation {
         self.translation.costs_in_words()
     }
 
-    /// The file of the renderer, with comments.
-    fn text(&self, notes: Vec<String>) -> String {
-        self.translation.text(&notes)
+    /// The file of the renderer; `what` is a comment.
+    fn text(&self, what: &str) -> String {
+        self.translation.text(what)
+    }
+
+    /// What the name of such a file ends in, with the dot.
+    #[getter]
+    fn extension(&self) -> String {
+        format!(".{}", self.translation.renderer.extension())
     }
 
     /// The dictionary for `mitsuba.load_dict` as JSON.
@@ -57,27 +64,21 @@ impl Translation {
     }
 }
 
-/// The material of `renderer` for a model: the exact counterpart, or the nearest under `loss`; its cost in each of `judges`.
+/// The material of `renderer` for a model: the exact counterpart, or the nearest; its cost in `metric` and in the usual ones.
 #[pyfunction]
 pub fn translate(
     py: Python<'_>,
     brdf: &Brdf,
     renderer: &str,
-    loss: &Metric,
-    judges: Vec<PyRef<'_, Metric>>,
+    metric: &Metric,
     progress: Option<Py<PyAny>>,
 ) -> Result<Translation, Fault> {
     let renderer: Renderer = renderer.parse().map_err(|e: FitError| Fault::from(e))?;
-    let loss = loss.metric.clone();
-    let judges: Vec<_> = judges.iter().map(|judge| judge.metric.clone()).collect();
+    let metrics = export::usual_metrics(metric.metric.clone(), &Registry::standard()?)?;
     let Some(model) = brdf.brdf.as_model() else {
         return Err(Fault::Input("only models can be translated to a renderer; fit one first".to_owned()));
     };
     long(py, progress.as_ref(), |observer, interrupt| {
-        let mut translation = export::translate(model, renderer, &*loss, interrupt, observer)?;
-        for judge in &judges {
-            translation.judge(model, &**judge)?;
-        }
-        Ok(Translation { translation })
+        Ok(Translation { translation: export::translate(model, renderer, &metrics, interrupt, observer)? })
     })
 }

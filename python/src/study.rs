@@ -7,16 +7,11 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::evaluation::records::BenchmarkRecord;
-use vernis::experiment::train::{Stage, loss_name, metric_name};
+use vernis::experiment::train::{Stage, loss_name, metric_file, metric_name};
 use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
 use vernis::report::{self, OutputFolder, pictures, tables, write_benchmark, write_numbers};
 use vernis_metric::descriptor::Cache;
 use vernis_metric::io::Observer;
-use vernis_metric::light::Light;
-
-/// Materials with pictures in the report, and the layout of the lamps they are under: as the program has them.
-const MOST_PICTURED: usize = 10;
-const PICTURED_LAMPS: usize = 1;
 
 /// How a study is measured.
 #[derive(FromPyObject)]
@@ -120,17 +115,16 @@ fn finish(
     }
     let export = || -> Result<(PathBuf, PathBuf), Fault> {
         let metric = measurement.export(Some(name), observer)?;
-        let metric = folder.write(&format!("{name}.vernis.json"), metric.to_json()?.as_bytes())?;
+        let metric = folder.write(&metric_file(name), metric.to_json()?.as_bytes())?;
         let loss = measurement.export_loss(Some(name), observer)?;
-        Ok((metric, folder.write(&format!("{}.vernis.json", loss_name(name)), loss.to_json()?.as_bytes())?))
+        Ok((metric, folder.write(&metric_file(&loss_name(name)), loss.to_json()?.as_bytes())?))
     };
     let exported = export();
     // Whatever became of the one, the other is finished.
-    let (record, light, data) = (measurement.record(), Light::lamps(PICTURED_LAMPS), options.data.as_deref());
-    let materials = pictures::of_study(measurement.study(), data, Some(record), &light, MOST_PICTURED)
-        .map_err(|e| Fault::Failed(e.to_string()));
-    let page = materials
-        .and_then(|materials| Ok(write_benchmark(folder, record, &materials, "lamps that are defined by code")?));
+    let (record, data) = (measurement.record(), options.data.as_deref());
+    let materials = pictures::of_benchmark(measurement.study(), data, record).map_err(|e| Fault::Failed(e.to_string()));
+    let page =
+        materials.and_then(|materials| Ok(write_benchmark(folder, record, &materials, pictures::LAMPS_IN_WORDS)?));
     let (metric, loss) = exported?;
     Ok((metric, loss, page?))
 }

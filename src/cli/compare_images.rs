@@ -1,6 +1,6 @@
 //! `vernis compare-images`: two pictures, any number of metrics.
 
-use super::output::{Inputs, Replace, refuse_earlier};
+use super::output::{Inputs, Replace};
 use super::{output, print, user_error};
 use anyhow::Result;
 use clap::Args;
@@ -11,7 +11,9 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_image::display::Display;
-use vernis_image::metric::{Comparison, Conditions, DifferenceMap, ImageMetric, ImageRegistry, Lab2000HlTable, Need};
+use vernis_image::metric::{
+    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, ImageRegistry, Lab2000HlTable, Need,
+};
 use vernis_image::picture::EncodedPicture;
 use vernis_image::picture::read::read;
 use vernis_metric::io::decimals;
@@ -20,6 +22,8 @@ use vernis_metric::io::decimals;
 #[derive(Args)]
 #[command(after_help = "\
 Pictures are PNG or JPEG (sRGB codes), or OpenEXR, Radiance HDR or PFM (linear light of BT.709 in cd/m2), both of one kind and size.
+An EXR file of `vernis render` holds light in the unit of its light probe, which is far darker in cd/m2 than a screen: compare its PNG
+files.
 
   ssim, ssim-y709, ssim-rgb, ms-ssim, psnr        codes; structure and noise
   cielab, cielab-rms, ciede2000                   codes; colour of each pixel
@@ -123,7 +127,12 @@ fn compared(
     with_map: bool,
 ) -> Result<Found> {
     let one = |metric: &Arc<dyn ImageMetric>| {
-        let prepared = metric.prepare(reference, conditions).map_err(user_error)?;
+        let prepared = metric.prepare(reference, conditions).map_err(|error| match error {
+            ImageMetricError::NoTable { .. } => {
+                user_error(format!("{error}, or name the folder of the table with --weights"))
+            }
+            other => user_error(other),
+        })?;
         Ok((metric.clone(), prepared.compare(test, with_map).map_err(user_error)?))
     };
     metrics.iter().map(one).collect()
@@ -184,7 +193,6 @@ fn map_file(
         return Err(user_error(format!("--map {} is a folder; it must be the name of a file", map.display())));
     }
     let inputs = Inputs::default().file(&args.reference).file(&args.test);
-    refuse_earlier(map, args.replace)?;
     output::file(map, &inputs, args.replace)
 }
 

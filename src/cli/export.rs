@@ -1,26 +1,22 @@
 //! Materials of renderers in place of a fit: `vernis fit --export`.
 
 use super::output::{self, Inputs, Replace};
-use super::{user_error, workspace};
+use super::user_error;
 use crate::report::OutputFolder;
 use anyhow::Result;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_metric::brdf::models::AnalyticBrdf;
-use vernis_metric::fit::export::{Export, Renderer, Translation, translate};
+use vernis_metric::fit::export::{Export, Renderer, translate, usual_metrics};
 use vernis_metric::io::{Interrupt, Observer, decimals};
 use vernis_metric::metric::Metric;
-use vernis_metric::metric::learned::FAMILY;
-
-/// The metric whose distance makes the nearest material, where the loss of the fit is not learned itself.
-const LOSS: &str = "vernis-loss";
+use vernis_metric::metric::registry::Registry;
 
 /// The materials to write, in files beside that of the fit.
 pub struct Exports {
-    files: Vec<(Renderer, OutputFolder, String)>,
-    loss: Arc<dyn Metric>,
-    /// In these the cost of a translation is told: that of the fit, and the one that predicts what people would say.
-    judges: Vec<Arc<dyn Metric>>,
+    files: Vec<(Renderer, PathBuf, OutputFolder, String)>,
+    /// In these the cost of a translation is told.
+    metrics: Vec<Arc<dyn Metric>>,
 }
 
 impl Exports {
@@ -32,27 +28,23 @@ impl Exports {
         inputs: &Inputs,
         replace: Replace,
     ) -> Result<Self> {
-        let mut files: Vec<(Renderer, OutputFolder, String)> = Vec::new();
+        let mut files: Vec<(Renderer, PathBuf, OutputFolder, String)> = Vec::new();
         for &renderer in renderers {
             if files.iter().any(|(earlier, ..)| *earlier == renderer) {
                 return Err(user_error(format!("--export {renderer} is given twice")));
             }
-            let (folder, name) = output::file(&out.with_extension(renderer.extension()), inputs, replace)?;
-            files.push((renderer, folder, name));
+            let path = out.with_extension(renderer.extension());
+            let (folder, name) = output::file(&path, inputs, replace)?;
+            files.push((renderer, path, folder, name));
         }
-        let learned = |name: &str| workspace::one_metric(name, &Default::default());
-        let loss = if metric.properties().family == FAMILY { metric.clone() } else { learned(LOSS)? };
-        let mut judges = vec![metric.clone()];
-        if metric.name() != workspace::DEFAULT_METRIC {
-            judges.push(learned(workspace::DEFAULT_METRIC)?);
-        }
-        Ok(Self { files, loss, judges })
+        let metrics =
+            if files.is_empty() { Vec::new() } else { usual_metrics(metric.clone(), &Registry::standard()?)? };
+        Ok(Self { files, metrics })
     }
 
-    /// The metrics that it needs beside that of the fit; none where nothing is exported.
+    /// The metrics that it needs; none where nothing is exported.
     pub fn metrics(&self) -> Vec<Arc<dyn Metric>> {
-        let all = self.judges.iter().chain([&self.loss]).cloned();
-        if self.files.is_empty() { Vec::new() } else { all.collect() }
+        self.metrics.clone()
     }
 
     /// Whether there is nothing to write.
@@ -69,16 +61,10 @@ impl Exports {
         observer: Observer<'_>,
     ) -> Result<Vec<(Export, String)>> {
         let mut all = Vec::new();
-        for (renderer, folder, name) in &self.files {
-            let mut found = translate(model, *renderer, &*self.loss, interrupt, observer).map_err(super::fit::named)?;
-            for judge in &self.judges {
-                found.judge(model, &**judge).map_err(super::fit::named)?;
-            }
-            let kind = kind(&found);
-            let costs = found.costs_in_words();
-            let notes = [fit.to_owned(), format!("{kind}; the translation costs: {costs}")];
-            folder.write(name, found.text(&notes).as_bytes())?;
-            let mut lines = format!("{renderer}: {kind}, {}\n", folder.path().join(name).display());
+        for (renderer, path, folder, name) in &self.files {
+            let found = translate(model, *renderer, &self.metrics, interrupt, observer).map_err(super::fit::named)?;
+            folder.write(name, found.text(fit).as_bytes())?;
+            let mut lines = format!("{}: {} for {renderer}\n", path.display(), found.kind());
             for cost in &found.costs {
                 lines += &format!("  {:12} {:10}", cost.metric.name, decimals(cost.distance, 4));
                 lines += &cost.score.map_or("\n".to_owned(), |score| format!("  {score}\n"));
@@ -87,9 +73,4 @@ impl Exports {
         }
         Ok(all)
     }
-}
-
-fn kind(translation: &Translation) -> String {
-    let model = translation.model.model();
-    if translation.exact { format!("the same formula, as {model}") } else { format!("the nearest {model}") }
 }

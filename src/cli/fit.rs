@@ -32,8 +32,8 @@ The result is a model file that every subcommand reads as a BRDF. Its `stop` say
 The file is written in every case, with the best so far.
 
 A renderer that has the fitted model gets its exact counterpart, any other the nearest material that it has, fitted to the fit. What
-the translation costs is printed and stands in both files: the distance between fit and material in the metric of the fit, and the
-opinion score that vernis predicts for the pair.
+the translation costs is printed and stands in both files: the distance between fit and material in the metric of the fit, in
+vernis-loss and in vernis, and the opinion score that these predict for the pair.
 
 Examples:
   vernis fit alum-bronze.binary --model ggx --metric D4.Cl --out ggx.json
@@ -221,13 +221,14 @@ fn summary(file: &FitFile, path: &Path) -> String {
     );
     // Tables of hundreds of numbers are for the file.
     if file.parameters.len() <= 16 {
+        let width = file.parameters.keys().map(String::len).max().unwrap_or(0).max(8);
         for (field, value) in &file.parameters {
             let numbers = match value {
                 serde_json::Value::Array(all) => all.iter().filter_map(|v| v.as_f64()).collect(),
                 one => one.as_f64().into_iter().collect::<Vec<f64>>(),
             };
             let numbers: Vec<String> = numbers.into_iter().map(|x| format!("{x:.5}")).collect();
-            text += &format!("  {field:8} {}\n", numbers.join("  "));
+            text += &format!("  {field:width$} {}\n", numbers.join("  "));
         }
     }
     if !file.at_bounds.is_empty() {

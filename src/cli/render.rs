@@ -30,8 +30,11 @@ use vernis_metric::io::{counted, read_at_most};
 A BRDF is rendered in the study's scene: the Buddha on a wooden table under Grace, 580x900, where the data folder has mesh and probe;
 a folded shape and lamps made by code where it has not. A SCENE.json describes everything itself (docs/scene.schema.json); of the options
 it takes --size, --samples, --bounces and --seed. People compared pictures of slightly different cameras: --camera reference is turned by
-4 degrees. EXR files hold linear radiance. PNG files show it as a screen does; the paper's \"gamma value of 1.25\" is ambiguous, so that
---gamma is the power itself (1/2.2 by default, that of the viewer; 0.8 = 1/1.25).
+4 degrees.
+
+An EXR file holds linear radiance, in the unit of the light. A PNG file shows it as a screen does. The paper's \"gamma value of 1.25\" may
+mean two things, so --gamma is the power itself: 1/2.2 by default, that of the viewer; 0.8 is 1/1.25.
+
 --study renders every reference, in both cameras, and every candidate of a study: MATERIAL/METHOD.exr, .png and .json in OUT. Pictures that
 are there are kept; after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues.
 The same seed gives the same bytes on any number of threads.

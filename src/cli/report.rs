@@ -15,8 +15,6 @@ use vernis_metric::light::source::Light;
 
 /// Far more than the record of the full study takes.
 const MOST_BYTES: u64 = 1 << 30;
-/// Layout of the lamps where there is no probe.
-const LAMPS: usize = 1;
 /// Light probes of the published study, in a data folder: name and file.
 const PROBES: [(&str, &str); 2] =
     [("Grace", "envmaps/grace_probe_latlong.hdr"), ("Uffizi", "envmaps/uffizi_spica.hdr")];
@@ -63,7 +61,7 @@ pub fn run(shared: &Shared, args: ReportArgs) -> Result<()> {
     let found = PROBES.map(|(name, file)| data.map(|d| (name, d.join(file))).filter(|(_, path)| path.is_file()));
     let (light, words) = match &found[0] {
         Some((name, path)) => (Light::probe(path).map_err(user_error)?, format!("the light probe {name}")),
-        None => (Light::lamps(LAMPS), "lamps that are defined by code".to_owned()),
+        None => (pictures::lamps(), pictures::LAMPS_IN_WORDS.to_owned()),
     };
     let probed = manifest::NAMES.contains(&record.study.as_str());
     if !probed {

@@ -8,7 +8,7 @@ use super::{Shared, limits, note, print, user_error, workspace};
 use crate::dataset::{DatasetError, Study, contradiction};
 use crate::evaluation::records::BenchmarkRecord;
 use crate::experiment::plan::Plan;
-use crate::experiment::train::{RESAMPLES, Stage, loss_name, metric_name, metrics};
+use crate::experiment::train::{RESAMPLES, Stage, loss_name, metric_file, metric_name, metrics};
 use crate::experiment::{BenchmarkOptions, ExperimentError, Measurement, Purpose};
 use crate::report::pictures::{self, PictureError};
 use crate::report::{self, OutputFolder, tables, write_benchmark, write_numbers};
@@ -16,7 +16,6 @@ use crate::samples::extracted::ExtractedStudy;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use vernis_metric::light::Light;
 use vernis_metric::metric::registry::Registry;
 
 /// What a run is about.
@@ -81,10 +80,6 @@ pub struct BenchmarkArgs {
     options: StudyOptions,
 }
 
-/// Materials with pictures in the report, and the layout of the lamps they are under.
-const MOST_PICTURED: usize = 10;
-const PICTURED_LAMPS: usize = 1;
-
 /// A measurement and where its results go.
 struct Job {
     measurement: Measurement,
@@ -104,9 +99,9 @@ pub fn train(shared: &Shared, args: TrainArgs) -> Result<()> {
     let mut job = Job::run(shared, &args.options, Purpose::Train, args.name.as_deref(), &bar)?;
     let exported = job.explain(&bar).and_then(|()| {
         let metric = job.measurement.export(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
-        let path = job.folder.write(&format!("{}.vernis.json", metric.name), metric.to_json()?.as_bytes())?;
+        let path = job.folder.write(&metric_file(&metric.name), metric.to_json()?.as_bytes())?;
         let loss = job.measurement.export_loss(args.name.as_deref(), &|stage, progress| bar.update(stage, progress))?;
-        Ok((path, job.folder.write(&format!("{}.vernis.json", loss.name), loss.to_json()?.as_bytes())?))
+        Ok((path, job.folder.write(&metric_file(&loss.name), loss.to_json()?.as_bytes())?))
     });
     // Whatever became of the one, the other is finished.
     let report = job.write_report(shared);
@@ -180,7 +175,7 @@ impl Job {
         let name = |study: &Study| name.map_or_else(|| metric_name(study), str::to_owned);
         let files = |study: &Study| -> Vec<String> {
             let names = exported.then(|| [name(study), loss_name(&name(study))]);
-            names.iter().flatten().map(|name| format!("{name}.vernis.json")).collect()
+            names.iter().flatten().map(|name| metric_file(name)).collect()
         };
         let (measurement, (folder, said)) = match &options.extracted {
             Some(path) => {
@@ -246,16 +241,16 @@ impl Job {
 
     /// The page, with pictures of the materials on which the metric is furthest off.
     fn write_report(&self, shared: &Shared) -> Result<PathBuf> {
-        let (record, light) = (self.measurement.record(), Light::lamps(PICTURED_LAMPS));
+        let record = self.measurement.record();
         let (study, data) = (self.measurement.study(), shared.data.as_deref());
-        let materials = match pictures::of_study(study, data, Some(record), &light, MOST_PICTURED) {
+        let materials = match pictures::of_benchmark(study, data, record) {
             Err(PictureError::Source(error)) if self.extracted => {
                 note(format_args!("no pictures of materials in the report: {error}"));
                 Vec::new()
             }
             found => found?,
         };
-        Ok(write_benchmark(&self.folder, record, &materials, "lamps that are defined by code")?)
+        Ok(write_benchmark(&self.folder, record, &materials, pictures::LAMPS_IN_WORDS)?)
     }
 }
 

@@ -148,15 +148,17 @@ pub fn stimuli(study: &Study, shard: Shard) -> Vec<Stimulus> {
 pub fn render(study: &Study, options: &StimuliOptions, observer: Observer) -> Result<Made, StimuliError> {
     let stimuli = stimuli(study, options.shard);
     let mut made = Made::default();
+    // The tree of the mesh and the tables of the light are the same for all.
+    let mut stage = None;
     for (done, stimulus) in stimuli.iter().enumerate() {
         observer("stimuli", Progress { done, total: stimuli.len() });
-        if one(stimulus, options)? { made.made += 1 } else { made.kept += 1 }
+        if one(stimulus, options, &mut stage)? { made.made += 1 } else { made.kept += 1 }
     }
     Ok(made)
 }
 
-/// Makes one, unless it is there.
-fn one(stimulus: &Stimulus, options: &StimuliOptions) -> Result<bool, StimuliError> {
+/// Makes one, unless it is there, with the tracer of another where there is one.
+fn one(stimulus: &Stimulus, options: &StimuliOptions, stage: &mut Option<Tracer>) -> Result<bool, StimuliError> {
     let brdf = stimulus.source.identify(options.data.as_deref())?;
     let mut scene = options.scene.clone();
     scene.camera = stimulus.view.camera();
@@ -173,7 +175,11 @@ fn one(stimulus: &Stimulus, options: &StimuliOptions) -> Result<bool, StimuliErr
     let open = stimulus.source.open(options.data.as_deref())?;
     scene.reflectance = Reflectance::Brdf(open.brdf, open.content);
     let failed = |cause| StimuliError::Trace { notation: open.notation.clone(), cause };
-    let tracer = Tracer::new(&scene).map_err(failed)?;
+    let tracer = match stage {
+        Some(stage) => stage.seen_anew(scene.reflectance, scene.camera),
+        None => Tracer::new(&scene),
+    };
+    let tracer = &*stage.insert(tracer.map_err(failed)?);
     let picture = tracer.render(&silent).map_err(failed)?;
     let exr = picture.to_exr()?;
     let png = write::to_png(picture.width(), picture.height(), &tone.apply(&picture, exposure))?;

@@ -465,6 +465,11 @@ pub fn loss_name(name: &str) -> String {
     format!("{name}-loss")
 }
 
+/// The name of the file of the metric called `name`.
+pub fn metric_file(name: &str) -> String {
+    format!("{name}.vernis.json")
+}
+
 /// The embedded study is there to show the whole job on any machine, in a minute or two.
 fn default_folds(study: &Study) -> usize {
     if study.synthetic { 5 } else { 10 }

@@ -26,6 +26,30 @@ pub enum PictureError {
     Render { notation: String, source: Box<LightError> },
 }
 
+/// The lamps of [`of_benchmark`] and of pages where there is no probe, in words.
+pub const LAMPS_IN_WORDS: &str = "lamps that are defined by code";
+/// Their layout.
+const LAMPS: usize = 1;
+/// Materials of [`of_benchmark`].
+const MOST_OF_BENCHMARK: usize = 10;
+
+/// The lamps of [`LAMPS_IN_WORDS`].
+pub fn lamps() -> Light {
+    Light::lamps(LAMPS)
+}
+
+/// The materials of the report on a benchmark: those on which its metric is furthest off, under [`lamps`].
+///
+/// # Errors
+/// Those of [`of_study`].
+pub fn of_benchmark(
+    study: &Study,
+    base: Option<&Path>,
+    benchmark: &BenchmarkRecord,
+) -> Result<Vec<Material>, PictureError> {
+    of_study(study, base, Some(benchmark), &lamps(), MOST_OF_BENCHMARK)
+}
+
 /// The materials of `study`, those first on which the first metric of `benchmark` is furthest off, at most `most`.
 ///
 /// # Errors

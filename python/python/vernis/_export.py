@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,10 @@ from typing import Any
 from . import _vernis
 from ._brdf import Brdf, BrdfLike, as_brdf, figure
 from ._errors import InputError
-from ._metric import Metric, MetricLike, metric as metric_of
+from ._metric import MetricLike, metric as metric_of
 from ._progress import ProgressLike, reporter
 
 __all__ = ["Cost", "Material", "export"]
-
-_EXTENSIONS = {"mitsuba": ".xml", "pbrt": ".pbrt", "materialx": ".mtlx", "gltf": ".gltf"}
 
 
 @dataclass(frozen=True)
@@ -81,8 +78,7 @@ class Material:
     @property
     def text(self) -> str:
         """The content of a file for the renderer, with what the translation costs as a comment."""
-        kind = f"the same formula, as {self.model}" if self.exact else f"the nearest {self.model}"
-        return self._handle.text([self._note, f"{kind}; the translation costs: {self._handle.costs_in_words}"])
+        return self._handle.text(self._note)
 
     @property
     def dictionary(self) -> dict[str, Any]:
@@ -97,8 +93,8 @@ class Material:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the file for the renderer, which ends in ``.xml``, ``.pbrt``, ``.mtlx`` or ``.gltf``."""
         path = Path(path)
-        if path.suffix != _EXTENSIONS[self.renderer]:
-            raise InputError(f"path is {path}; a material of {self.renderer} must end in {_EXTENSIONS[self.renderer]}")
+        if path.suffix != self._handle.extension:
+            raise InputError(f"path is {path}; a material of {self.renderer} must end in {self._handle.extension}")
         path.write_text(self.text, encoding="utf-8")
 
     def __repr__(self) -> str:
@@ -121,8 +117,8 @@ def export(model: BrdfLike, renderer: str, metric: MetricLike = "vernis-loss", *
     renderer : {"mitsuba", "pbrt", "materialx", "gltf"}
         ``mitsuba``: Mitsuba 3; ``pbrt``: pbrt-v4; ``materialx``: an OpenPBR surface in MaterialX 1.39; ``gltf``: glTF 2.0.
     metric : str, path or Metric
-        What the nearest material is nearest in, and in which its cost is told; that of `vernis`, with the predicted opinion score, is
-        always told.
+        In which the cost is told, beside `vernis-loss` and `vernis`, which predicts the opinion score. If it was learned, the nearest
+        material is nearest in it, else in `vernis-loss`.
     data : path, optional
         Folder that relative notations are looked up in.
     progress : bool or callable, optional
@@ -146,16 +142,14 @@ def export(model: BrdfLike, renderer: str, metric: MetricLike = "vernis-loss", *
     return translated(brdf, renderer, metric, f"{brdf.model or 'a BRDF'} of vernis {_vernis.__version__}", progress)
 
 
-def translated(
-    brdf: Brdf, renderer: str, metric: MetricLike, note: str, progress: ProgressLike, judges: Sequence[Metric] = ()
-) -> Material:
-    """The material of `brdf`; `note` is a comment of its file, and `judges` tell its cost beside `metric` and `vernis`."""
+def translated(brdf: Brdf, renderer: str, metric: MetricLike, note: str, progress: ProgressLike) -> Material:
+    """The material of `brdf`; `note` is a comment of its file."""
     if not isinstance(renderer, str):
-        raise InputError(f"renderer is a {type(renderer).__name__}; it must be one of {', '.join(_EXTENSIONS)}")
+        raise InputError(f"renderer is a {type(renderer).__name__}; it must be a name, such as 'mitsuba'")
     if brdf.model is None:
         raise InputError(f"{brdf.name} is no model; only models can be translated to a renderer: fit one first")
-    loss = metric_of(metric)
-    every = {judge.name: judge for judge in (*judges, loss, metric_of("vernis"))}
+    # Asking for them takes what they need from the cache.
+    chosen, _, _ = metric_of(metric), metric_of("vernis-loss"), metric_of("vernis")
     with reporter(progress) as report:
-        handle = _vernis.translate(brdf._handle, renderer, loss._handle, [judge._handle for judge in every.values()], report)
+        handle = _vernis.translate(brdf._handle, renderer, chosen._handle, report)
     return Material(handle, renderer, brdf, note)

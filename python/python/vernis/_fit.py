@@ -98,14 +98,12 @@ class Fit:
         -------
         Material
             The exact counterpart of the fitted model, or else the nearest that the renderer has. Its `costs` are told in the metric of
-            the fit and in `vernis`. It is made once.
+            the fit, in `vernis-loss` and in `vernis`. It is made once.
         """
         if renderer not in self._materials:
             name, version = self._file["metric"]["name"], self._file["metric"]["version"]
             note = f"{self.model} of {self.reference.name} under {name} {version}"
-            # The nearest is searched with gradients; other metrics tell the cost alone.
-            loss = self._metric if self._metric.unit == "MOS" else metric_of("vernis-loss")
-            self._materials[renderer] = translated(self.brdf, renderer, loss, note, progress, [self._metric])
+            self._materials[renderer] = translated(self.brdf, renderer, self._metric, note, progress)
         return self._materials[renderer]
 
     def to_mitsuba(self) -> dict[str, Any]:

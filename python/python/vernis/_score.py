@@ -195,7 +195,9 @@ class _Opened:
             found = work()
         except Exception as error:
             if not self.keep_faults:
-                error.add_note(what) if hasattr(error, "add_note") else None
+                # Python 3.11 and later.
+                if hasattr(error, "add_note"):
+                    error.add_note(what)
                 raise
             self.others[key] = str(error)
             return None

@@ -14,6 +14,7 @@
 //! `srgb` is the transfer function of IEC 61966-2-1 after 2^e; `none` takes 1 to 255 linearly, after 2^e. Both cut at 1.
 
 use crate::picture::Picture;
+use vernis_metric::math::color::srgb;
 
 /// The power of the viewer's default.
 pub const DEFAULT_GAMMA: f64 = 1.0 / 2.2;
@@ -69,8 +70,7 @@ impl Tone {
                     let y = if y > 1.0 { 1.0 + knee(y - 1.0, f) } else { y };
                     y.powf(gamma) * (-HEADROOM * gamma).exp2()
                 }
-                Self::Srgb if x <= 0.003_130_8 => 12.92 * x,
-                Self::Srgb => 1.055 * x.powf(1.0 / 2.4) - 0.055,
+                Self::Srgb => srgb(x),
                 Self::Linear => x,
             };
             shown.min(1.0)

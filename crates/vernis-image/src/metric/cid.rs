@@ -18,11 +18,13 @@
 //!
 //! Display: sRGB seen at 40 pixels a degree, fixed. Blind to: contrast of chroma (iCID sees it).
 
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, Properties};
+use super::contract::{
+    Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedResult, Properties, by_features,
+};
 use super::lab2000hl::{Space, cielab, xyz};
 use super::plane::{Edge, Plane, gaussian};
 use super::s_cielab;
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::{EncodedPicture, MOST_PIXELS};
 use rayon::prelude::*;
 
 /// Raised when a value changes by more than rounding.
@@ -66,35 +68,20 @@ impl ImageMetric for Cid {
     }
 
     fn properties(&self) -> Properties {
+        let source = "Lissner et al. 2013, doi:10.1109/TIP.2012.2216279";
         Properties {
-            quality: "color-image difference",
-            unit: "1, 0 to 1",
-            larger_is_better: false,
-            distance: "the same",
-            source: "Lissner et al. 2013, doi:10.1109/TIP.2012.2216279",
-            encodings: &[Encoding::Srgb],
             smallest: WINDOW,
             most_pixels: MOST_PIXELS / 4,
             needs: if self.in_cielab { vec![] } else { vec![Need::Lab2000HlTable { fallback: "cid-cielab" }] },
             has_map: false,
-            differentiable: false,
+            ..Properties::new("color-image difference", "1, 0 to 1", source)
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult {
         let space = space(self.name(), "cid-cielab", self.in_cielab, conditions)?;
-        let seen = seen(reference, &space);
-        Ok(Box::new(Reference { space, seen }))
+        by_features(reference, move |picture| seen(picture, &space), |a, b, _| compared(a, b))
     }
-}
-
-struct Reference {
-    space: Space,
-    seen: Seen,
 }
 
 fn seen(picture: &EncodedPicture, space: &Space) -> Seen {
@@ -103,22 +90,19 @@ fn seen(picture: &EncodedPicture, space: &Space) -> Seen {
     Seen::new(&colours, picture.width(), &gaussian(WINDOW, SIGMA))
 }
 
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, _: bool) -> Result<Comparison, ImageMetricError> {
-        let test = seen(test, &self.space);
-        let terms = self.seen.terms(&test, &gaussian(WINDOW, SIGMA));
-        let [c1, c2, c3, c4, c5] = CONSTANTS;
-        let factor = |value: &(dyn Fn(&Term) -> f64 + Sync)| terms.map(value).mean();
-        let factors = [
-            ("lightness", factor(&|t| 1.0 / (c1 * t.lightness.powi(2) + 1.0))),
-            ("contrast", factor(&|t| (c2 + 2.0 * t.sl1 * t.sl2) / (c2 + t.sl1.powi(2) + t.sl2.powi(2)))),
-            ("structure", factor(&|t| (c3 + t.sl12) / (c3 + t.sl1 * t.sl2))),
-            ("chroma", factor(&|t| 1.0 / (c4 * t.chroma.powi(2) + 1.0))),
-            ("hue", factor(&|t| 1.0 / (c5 * t.hue.powi(2) + 1.0))),
-        ];
-        let quality = 1.0 - factors.iter().map(|(_, f)| f).product::<f64>();
-        Ok(Comparison { distance: quality, quality, details: factors.to_vec(), map: None })
-    }
+fn compared(a: &Seen, b: &Seen) -> Comparison {
+    let terms = a.terms(b, &gaussian(WINDOW, SIGMA));
+    let [c1, c2, c3, c4, c5] = CONSTANTS;
+    let factor = |value: &(dyn Fn(&Term) -> f64 + Sync)| terms.map(value).mean();
+    let factors = [
+        ("lightness", factor(&|t| 1.0 / (c1 * t.lightness.powi(2) + 1.0))),
+        ("contrast", factor(&|t| (c2 + 2.0 * t.sl1 * t.sl2) / (c2 + t.sl1.powi(2) + t.sl2.powi(2)))),
+        ("structure", factor(&|t| (c3 + t.sl12) / (c3 + t.sl1 * t.sl2))),
+        ("chroma", factor(&|t| 1.0 / (c4 * t.chroma.powi(2) + 1.0))),
+        ("hue", factor(&|t| 1.0 / (c5 * t.hue.powi(2) + 1.0))),
+    ];
+    let quality = 1.0 - factors.iter().map(|(_, f)| f).product::<f64>();
+    Comparison { distance: quality, quality, details: factors.to_vec(), map: None }
 }
 
 /// A picture as CID and iCID see it, with the moments of it alone.

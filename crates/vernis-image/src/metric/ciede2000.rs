@@ -11,8 +11,8 @@
 //! Display and what it is blind to: as [`super::cielab`]. The formula was fitted to differences of less than 5 units.
 
 use super::cielab::{Mean, lab, pooled};
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, PreparedReference, Properties};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use super::contract::{Conditions, ImageMetric, PreparedResult, Properties, by_features};
+use crate::picture::EncodedPicture;
 use palette::Lab;
 use palette::color_difference::Ciede2000 as _;
 use palette::white_point::D65;
@@ -40,35 +40,12 @@ impl ImageMetric for Ciede2000 {
     }
 
     fn properties(&self) -> Properties {
-        Properties {
-            quality: "mean colour difference CIEDE2000",
-            unit: "dE00",
-            larger_is_better: false,
-            distance: "the same",
-            source: "Sharma, Wu and Dalal 2005, doi:10.1002/col.20070",
-            encodings: &[Encoding::Srgb],
-            smallest: 1,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
-            has_map: true,
-            differentiable: false,
-        }
+        Properties::new("mean colour difference CIEDE2000", "dE00", "Sharma, Wu and Dalal 2005, doi:10.1002/col.20070")
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(Reference(lab(reference))))
-    }
-}
-
-struct Reference(Vec<Lab<D65, f64>>);
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
         let difference = |a: &Lab<D65, f64>, b: &Lab<D65, f64>| a.difference(*b);
-        Ok(pooled(&self.0, &lab(test), test.width(), difference, Mean::Arithmetic, with_map))
+        let width = reference.width();
+        by_features(reference, lab, move |a, b, with_map| pooled(a, b, width, difference, Mean::Arithmetic, with_map))
     }
 }

@@ -13,11 +13,9 @@
 //! its own), so noise that the eye averages counts in full; viewing distance.
 
 use super::colour::{light, times};
-use super::contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, PreparedReference, Properties,
-};
+use super::contract::{Comparison, Conditions, DifferenceMap, ImageMetric, PreparedResult, Properties, by_features};
 use super::plane::{Plane, sum_of_rows};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::EncodedPicture;
 use palette::convert::FromColorUnclamped;
 use palette::white_point::D65;
 use palette::{Lab, Xyz};
@@ -68,45 +66,19 @@ impl ImageMetric for Cielab {
     }
 
     fn properties(&self) -> Properties {
-        Properties {
-            quality: match self.0 {
-                Mean::Arithmetic => "mean colour difference of CIELAB",
-                Mean::Quadratic => "root-mean-square colour difference of CIELAB",
-            },
-            unit: "dE*ab",
-            larger_is_better: false,
-            distance: "the same",
-            source: "CIE 15:2018; Lavoue et al. 2021, doi:10.1111/cgf.142636",
-            encodings: &[Encoding::Srgb],
-            smallest: 1,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
-            has_map: true,
-            differentiable: false,
-        }
+        let quality = match self.0 {
+            Mean::Arithmetic => "mean colour difference of CIELAB",
+            Mean::Quadratic => "root-mean-square colour difference of CIELAB",
+        };
+        Properties::new(quality, "dE*ab", "CIE 15:2018; Lavoue et al. 2021, doi:10.1111/cgf.142636")
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(Reference { mean: self.0, lab: lab(reference) }))
-    }
-}
-
-struct Reference {
-    mean: Mean,
-    lab: Vec<Lab<D65, f64>>,
-}
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let test_lab = lab(test);
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
         let difference = |a: &Lab<D65, f64>, b: &Lab<D65, f64>| {
             ((a.l - b.l).powi(2) + (a.a - b.a).powi(2) + (a.b - b.b).powi(2)).sqrt()
         };
-        Ok(pooled(&self.lab, &test_lab, test.width(), difference, self.mean, with_map))
+        let (mean, width) = (self.0, reference.width());
+        by_features(reference, lab, move |a, b, with_map| pooled(a, b, width, difference, mean, with_map))
     }
 }
 

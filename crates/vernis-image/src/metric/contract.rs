@@ -2,7 +2,7 @@
 
 use super::lab2000hl::Lab2000HlTable;
 use crate::display::Display;
-use crate::picture::{EncodedPicture, Encoding};
+use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
 use std::sync::Arc;
 use thiserror::Error;
 use vernis_metric::io::{did_you_mean, number, shown};
@@ -58,8 +58,25 @@ pub struct Properties {
     pub needs: Vec<Need>,
     /// Whether it can write a [`DifferenceMap`].
     pub has_map: bool,
-    /// Whether it has derivatives by pixels. None has.
-    pub differentiable: bool,
+}
+
+impl Properties {
+    /// Of a metric like most: its quality is its distance, it takes sRGB codes of any size, needs nothing of [`Conditions`] and has a
+    /// map.
+    pub fn new(quality: &'static str, unit: &'static str, source: &'static str) -> Self {
+        Self {
+            quality,
+            unit,
+            source,
+            larger_is_better: false,
+            distance: "the same",
+            encodings: &[Encoding::Srgb],
+            smallest: 1,
+            most_pixels: MOST_PIXELS,
+            needs: Vec::new(),
+            has_map: true,
+        }
+    }
 }
 
 /// A value for every pixel, or for every place of the metric's window.
@@ -88,6 +105,9 @@ pub struct Comparison {
     pub map: Option<DifferenceMap>,
 }
 
+/// A fixed reference, or why a metric cannot take it.
+pub type PreparedResult = Result<Box<dyn PreparedReference>, ImageMetricError>;
+
 /// A metric that compares two pictures.
 pub trait ImageMetric: Send + Sync {
     /// Its name in the registry.
@@ -103,11 +123,7 @@ pub trait ImageMetric: Send + Sync {
     ///
     /// # Errors
     /// [`ImageMetricError`]: something of `conditions` is missing or unfit, or the metric is undefined for this reference.
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError>;
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult;
 
     /// Fixes the reference.
     ///
@@ -145,6 +161,33 @@ pub trait PreparedReference: Send + Sync {
     /// # Errors
     /// [`ImageMetricError`] where the metric is undefined for this pair.
     fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError>;
+}
+
+/// The reference of a metric that takes the same `features` of both pictures and compares those; `compare` is told whether a map is
+/// wanted.
+pub(super) fn by_features<T: Send + Sync + 'static>(
+    reference: &EncodedPicture,
+    features: impl Fn(&EncodedPicture) -> T + Send + Sync + 'static,
+    compare: impl Fn(&T, &T, bool) -> Comparison + Send + Sync + 'static,
+) -> PreparedResult {
+    Ok(Box::new(ByFeatures { reference: features(reference), features, compare }))
+}
+
+struct ByFeatures<T, F, C> {
+    reference: T,
+    features: F,
+    compare: C,
+}
+
+impl<T, F, C> PreparedReference for ByFeatures<T, F, C>
+where
+    T: Send + Sync,
+    F: Fn(&EncodedPicture) -> T + Send + Sync,
+    C: Fn(&T, &T, bool) -> Comparison + Send + Sync,
+{
+    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
+        Ok((self.compare)(&self.reference, &(self.features)(test), with_map))
+    }
 }
 
 /// A metric with a fixed reference.

@@ -12,7 +12,8 @@
 //! more light everywhere is 10 JOD, because contrast stays what it was; people rate such a picture lower.
 
 use super::contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, PreparedReference, Properties,
+    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, PreparedReference, PreparedResult,
+    Properties,
 };
 use crate::display::Display;
 use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
@@ -41,26 +42,19 @@ impl ImageMetric for Cvvdp {
     }
 
     fn properties(&self) -> Properties {
+        let unit = "just-objectionable differences, at most 10";
         Properties {
-            quality: "quality in JOD",
-            unit: "just-objectionable differences, at most 10",
             larger_is_better: true,
             distance: "10 - JOD",
-            source: "Mantiuk et al. 2024, doi:10.1145/3658144",
             encodings: &[Encoding::Srgb, Encoding::Linear],
             smallest: 4,
             most_pixels: MOST_PIXELS / 4,
             needs: vec![Need::Display],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("quality in JOD", unit, "Mantiuk et al. 2024, doi:10.1145/3658144")
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult {
         let found = reference.encoding();
         let display = conditions.display.unwrap_or(Display::default_for(found));
         if display.shows() != found {

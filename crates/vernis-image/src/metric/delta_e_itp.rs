@@ -12,8 +12,8 @@
 
 use super::cielab::{Mean, pooled};
 use super::colour::{light, times};
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, PreparedReference, Properties};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use super::contract::{Conditions, ImageMetric, PreparedResult, Properties, by_features};
+use crate::picture::{EncodedPicture, Encoding};
 use rayon::prelude::*;
 
 /// Raised when a value changes by more than rounding.
@@ -69,26 +69,19 @@ impl ImageMetric for DeltaEItp {
 
     fn properties(&self) -> Properties {
         Properties {
-            quality: "mean colour difference dE ITP",
-            unit: "just noticeable differences",
-            larger_is_better: false,
-            distance: "the same",
-            source: "ITU-R BT.2124-0",
             encodings: &[Encoding::Srgb, Encoding::Linear],
-            smallest: 1,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("mean colour difference dE ITP", "just noticeable differences", "ITU-R BT.2124-0")
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(Reference(all_itp(reference))))
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
+        let difference = |a: &[f64; 3], b: &[f64; 3]| {
+            720.0 * ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt()
+        };
+        let width = reference.width();
+        by_features(reference, all_itp, move |a, b, with_map| {
+            pooled(a, b, width, difference, Mean::Arithmetic, with_map)
+        })
     }
 }
 
@@ -96,17 +89,6 @@ fn all_itp(picture: &EncodedPicture) -> Vec<[f64; 3]> {
     let encoding = picture.encoding();
     let white = if encoding == Encoding::Srgb { CODE_WHITE } else { 1.0 };
     picture.pixels().par_iter().map(|pixel| itp(light(*pixel, encoding).map(|v| white * v))).collect()
-}
-
-struct Reference(Vec<[f64; 3]>);
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let difference = |a: &[f64; 3], b: &[f64; 3]| {
-            720.0 * ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt()
-        };
-        Ok(pooled(&self.0, &all_itp(test), test.width(), difference, Mean::Arithmetic, with_map))
-    }
 }
 
 #[cfg(test)]

@@ -18,10 +18,10 @@
 
 use super::colour::{inverse, light, times};
 use super::contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, PreparedReference, Properties,
+    Comparison, Conditions, DifferenceMap, ImageMetric, Need, PreparedResult, Properties, by_features,
 };
 use super::plane::{Edge, Plane};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::{EncodedPicture, MOST_PIXELS};
 use palette::convert::FromColorUnclamped;
 use palette::white_point::{Any, WhitePoint};
 use palette::{Lab, Xyz};
@@ -86,47 +86,26 @@ impl ImageMetric for Flip {
 
     fn properties(&self) -> Properties {
         Properties {
-            quality: "mean FLIP error",
-            unit: "1, 0 to 1",
-            larger_is_better: false,
-            distance: "the same",
-            source: "Andersson et al. 2020, doi:10.1145/3406183",
-            encodings: &[Encoding::Srgb],
-            smallest: 1,
             most_pixels: MOST_PIXELS / 4,
             needs: vec![Need::Ppd(PPD)],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("mean FLIP error", "1, 0 to 1", "Andersson et al. 2020, doi:10.1145/3406183")
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult {
         let filters = Filters::new(conditions.ppd.unwrap_or(PPD));
-        let seen = Seen::new(&all_light(reference), reference.width(), &filters);
-        Ok(Box::new(Reference { filters, seen }))
+        let seen = move |picture: &EncodedPicture| Seen::new(&all_light(picture), picture.width(), &filters);
+        by_features(reference, seen, |a, b, with_map| {
+            let map = a.difference(b);
+            let quality = map.mean();
+            Comparison { distance: quality, quality, details: vec![], map: with_map.then(|| map_of(&map)) }
+        })
     }
 }
 
 /// Linear light of every pixel, as [`light`] gives it.
 pub(super) fn all_light(picture: &EncodedPicture) -> Vec<[f64; 3]> {
     picture.pixels().par_iter().map(|pixel| light(*pixel, picture.encoding())).collect()
-}
-
-struct Reference {
-    filters: Filters,
-    seen: Seen,
-}
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let map = self.seen.difference(&Seen::new(&all_light(test), test.width(), &self.filters));
-        let quality = map.mean();
-        Ok(Comparison { distance: quality, quality, details: vec![], map: with_map.then(|| map_of(&map)) })
-    }
 }
 
 /// A plane of errors as a map.

@@ -12,7 +12,9 @@
 //! highlight and a shadow at once. Undefined where half of the reference is black.
 
 use super::colour::{LUMA_REC709, dot};
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, Properties};
+use super::contract::{
+    Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, PreparedResult, Properties,
+};
 use super::flip::{Filters, PPD, Seen, all_light, map_of};
 use super::plane::Plane;
 use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
@@ -57,25 +59,14 @@ impl ImageMetric for HdrFlip {
 
     fn properties(&self) -> Properties {
         Properties {
-            quality: "mean HDR-FLIP error",
-            unit: "1, 0 to 1",
-            larger_is_better: false,
-            distance: "the same",
-            source: "Andersson et al. 2021, doi:10.2312/sr.20211308",
             encodings: &[Encoding::Linear],
-            smallest: 1,
             most_pixels: MOST_PIXELS / 4,
             needs: vec![Need::Ppd(PPD)],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("mean HDR-FLIP error", "1, 0 to 1", "Andersson et al. 2021, doi:10.2312/sr.20211308")
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult {
         let light = all_light(reference);
         let exposures = Exposures::of(&light)
             .map_err(|reason| ImageMetricError::Undefined { metric: self.name(), reason: reason.to_owned() })?;

@@ -19,11 +19,11 @@
 
 use super::cid::{Seen, WINDOW, space};
 use super::colour::{channel, decoded, inverse, times};
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, Need, PreparedReference, Properties};
+use super::contract::{Comparison, Conditions, ImageMetric, Need, PreparedResult, Properties, by_features};
 use super::frequency;
 use super::lab2000hl::{Space, cielab, is_dark, xyz, xyz_of_light};
 use super::plane::{Plane, gaussian, shrink};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::EncodedPicture;
 use rayon::prelude::*;
 
 /// Raised when a value changes by more than rounding.
@@ -79,57 +79,37 @@ impl ImageMetric for Icid {
     }
 
     fn properties(&self) -> Properties {
+        let source = "Preiss, Fernandes and Urban 2014, doi:10.1109/TIP.2014.2302684";
         Properties {
-            quality: "improved color-image difference",
-            unit: "1, 0 to 1",
-            larger_is_better: false,
-            distance: "the same",
-            source: "Preiss, Fernandes and Urban 2014, doi:10.1109/TIP.2014.2302684",
-            encodings: &[Encoding::Srgb],
             smallest: WINDOW,
-            most_pixels: MOST_PIXELS,
             needs: if self.in_cielab { vec![] } else { vec![Need::Lab2000HlTable { fallback: "icid-cielab" }] },
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("improved color-image difference", "1, 0 to 1", source)
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult {
         let space = space(self.name(), "icid-cielab", self.in_cielab, conditions)?;
-        let seen = self.seen(reference, &space);
-        Ok(Box::new(Reference { metric: *self, space, seen }))
+        let metric = *self;
+        by_features(reference, move |picture| metric.seen(picture, &space), compared)
     }
 }
 
-struct Reference {
-    metric: Icid,
-    space: Space,
-    seen: Seen,
-}
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let test = self.metric.seen(test, &self.space);
-        let terms = self.seen.terms(&test, &gaussian(WINDOW, SIGMA));
-        let [c1, c2, c3, c4, c5, c6, c7] = CONSTANTS;
-        let contrast = |c: f64, a: f64, b: f64| (c + 2.0 * a * b) / (c + a * a + b * b);
-        let structure = |c: f64, a: f64, b: f64, ab: f64| (c + ab.abs()) / (c + a * b);
-        let product = terms.map(|t| {
-            contrast(c2, t.sl1, t.sl2) * structure(c3, t.sl1, t.sl2, t.sl12).powi(STRUCTURE)
-                / (c1 * t.lightness.powi(2) + 1.0)
-                / (c4 * t.chroma.powi(2) + 1.0)
-                / (c5 * t.hue.powi(2) + 1.0)
-                * contrast(c6, t.sc1, t.sc2)
-                * structure(c7, t.sc1, t.sc2, t.sc12)
-        });
-        let quality = 1.0 - product.mean();
-        let map = if with_map { super::ssim::map_of(vec![product]) } else { None };
-        Ok(Comparison { distance: quality, quality, details: vec![], map })
-    }
+fn compared(a: &Seen, b: &Seen, with_map: bool) -> Comparison {
+    let terms = a.terms(b, &gaussian(WINDOW, SIGMA));
+    let [c1, c2, c3, c4, c5, c6, c7] = CONSTANTS;
+    let contrast = |c: f64, a: f64, b: f64| (c + 2.0 * a * b) / (c + a * a + b * b);
+    let structure = |c: f64, a: f64, b: f64, ab: f64| (c + ab.abs()) / (c + a * b);
+    let product = terms.map(|t| {
+        contrast(c2, t.sl1, t.sl2) * structure(c3, t.sl1, t.sl2, t.sl12).powi(STRUCTURE)
+            / (c1 * t.lightness.powi(2) + 1.0)
+            / (c4 * t.chroma.powi(2) + 1.0)
+            / (c5 * t.hue.powi(2) + 1.0)
+            * contrast(c6, t.sc1, t.sc2)
+            * structure(c7, t.sc1, t.sc2, t.sc12)
+    });
+    let quality = 1.0 - product.mean();
+    let map = if with_map { super::ssim::map_of(vec![product]) } else { None };
+    Comparison { distance: quality, quality, details: vec![], map }
 }
 
 impl Icid {

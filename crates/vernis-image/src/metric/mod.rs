@@ -31,7 +31,8 @@ pub use cid::Cid;
 pub use ciede2000::{Ciede2000, ciede2000};
 pub use cielab::{Cielab, Mean};
 pub use contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, Prepared, PreparedReference, Properties,
+    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, Prepared, PreparedReference,
+    PreparedResult, Properties,
 };
 pub use cvvdp::Cvvdp;
 pub use delta_e_itp::DeltaEItp;

@@ -13,10 +13,10 @@
 //! Display: none, but the weights were found at 32 pixels a degree. Blind to: colour; brightness but at the coarsest scale.
 
 use super::colour::{LUMA_REC601, luma};
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, PreparedReference, Properties};
+use super::contract::{Comparison, Conditions, ImageMetric, PreparedResult, Properties, by_features};
 use super::plane::{Plane, shrink};
 use super::ssim::{Similarity, WINDOW, similarity};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::EncodedPicture;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -41,49 +41,34 @@ impl ImageMetric for MsSsim {
     }
 
     fn properties(&self) -> Properties {
+        let source = "Wang, Simoncelli and Bovik 2003, doi:10.1109/ACSSC.2003.1292216";
         Properties {
-            quality: "multi-scale structural similarity",
-            unit: "1, 0 to 1",
             larger_is_better: true,
             distance: "1 - MS-SSIM",
-            source: "Wang, Simoncelli and Bovik 2003, doi:10.1109/ACSSC.2003.1292216",
-            encodings: &[Encoding::Srgb],
             smallest: SMALLEST,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
             has_map: false,
-            differentiable: false,
+            ..Properties::new("multi-scale structural similarity", "1, 0 to 1", source)
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(Reference(scales(reference))))
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
+        by_features(reference, scales, |a, b, _| {
+            let mut quality = 1.0;
+            for (s, (a, b)) in a.iter().zip(b).enumerate() {
+                let Similarity { ssim, contrast_structure, .. } = similarity(a, b, 255.0, false);
+                let factor = if s + 1 == WEIGHTS.len() { ssim } else { contrast_structure };
+                quality *= factor.max(0.0).powf(WEIGHTS[s]);
+            }
+            Comparison { distance: 1.0 - quality, quality, details: vec![], map: None }
+        })
     }
 }
 
 /// Luma at the five scales.
-struct Reference(Vec<Plane>);
-
 fn scales(picture: &EncodedPicture) -> Vec<Plane> {
     let mut scales = vec![luma(picture, &LUMA_REC601)];
     for s in 1..WEIGHTS.len() {
         scales.push(shrink(&scales[s - 1], 2));
     }
     scales
-}
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, _: bool) -> Result<Comparison, ImageMetricError> {
-        let mut quality = 1.0;
-        for (s, (a, b)) in self.0.iter().zip(&scales(test)).enumerate() {
-            let Similarity { ssim, contrast_structure, .. } = similarity(a, b, 255.0, false);
-            let factor = if s + 1 == WEIGHTS.len() { ssim } else { contrast_structure };
-            quality *= factor.max(0.0).powf(WEIGHTS[s]);
-        }
-        Ok(Comparison { distance: 1.0 - quality, quality, details: vec![], map: None })
-    }
 }

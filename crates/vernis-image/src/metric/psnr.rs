@@ -9,11 +9,9 @@
 //! are one), colour of equal luma, viewing distance.
 
 use super::colour::{LUMA_REC709, luma};
-use super::contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, PreparedReference, Properties,
-};
+use super::contract::{Comparison, Conditions, DifferenceMap, ImageMetric, PreparedResult, Properties, by_features};
 use super::plane::{Plane, sum_of_rows};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::EncodedPicture;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -32,35 +30,17 @@ impl ImageMetric for Psnr {
     }
 
     fn properties(&self) -> Properties {
+        let quality = "peak signal-to-noise ratio of luma (BT.709)";
         Properties {
-            quality: "peak signal-to-noise ratio of luma (BT.709)",
-            unit: "dB",
             larger_is_better: true,
             distance: "10^(-PSNR/20), the root-mean-square difference over 255",
-            source: "by definition; ITU-R BT.709-6",
-            encodings: &[Encoding::Srgb],
-            smallest: 1,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new(quality, "dB", "by definition; ITU-R BT.709-6")
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(Reference(luma(reference, &LUMA_REC709))))
-    }
-}
-
-struct Reference(Plane);
-
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        Ok(peak_ratio(&self.0, &luma(test, &LUMA_REC709), 255.0, with_map))
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
+        let luma = |picture: &EncodedPicture| luma(picture, &LUMA_REC709);
+        by_features(reference, luma, |a, b, with_map| peak_ratio(a, b, 255.0, with_map))
     }
 }
 

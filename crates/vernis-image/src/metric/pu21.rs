@@ -11,12 +11,12 @@
 //! Blind to: colour, viewing distance, and what PSNR and SSIM are blind to.
 
 use super::colour::{LUMA_REC709, dot, light};
-use super::contract::{Comparison, Conditions, ImageMetric, ImageMetricError, PreparedReference, Properties};
+use super::contract::{Conditions, ImageMetric, PreparedResult, Properties, by_features};
 use super::plane::Plane;
 use super::psnr::peak_ratio;
-use super::ssim::{WINDOW, map_of, similarity};
+use super::ssim::{WINDOW, of_similarity, similarity};
 use crate::display::standard_luminance;
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::{EncodedPicture, Encoding};
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -63,34 +63,15 @@ impl ImageMetric for Pu21Psnr {
 
     fn properties(&self) -> Properties {
         Properties {
-            quality: "peak signal-to-noise ratio of PU21 of luminance",
-            unit: "dB",
             larger_is_better: true,
             distance: "10^(-PSNR/20), the root-mean-square difference over 256",
-            source: SOURCE,
             encodings: &[Encoding::Srgb, Encoding::Linear],
-            smallest: 1,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("peak signal-to-noise ratio of PU21 of luminance", "dB", SOURCE)
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(PsnrReference(plane(reference))))
-    }
-}
-
-struct PsnrReference(Plane);
-
-impl PreparedReference for PsnrReference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        Ok(peak_ratio(&self.0, &plane(test), PEAK, with_map))
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
+        by_features(reference, plane, |a, b, with_map| peak_ratio(a, b, PEAK, with_map))
     }
 }
 
@@ -114,22 +95,8 @@ impl ImageMetric for Pu21Ssim {
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(SsimReference(plane(reference))))
-    }
-}
-
-struct SsimReference(Plane);
-
-impl PreparedReference for SsimReference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let found = similarity(&self.0, &plane(test), PEAK, with_map);
-        let map = found.map.and_then(|map| map_of(vec![map]));
-        Ok(Comparison { distance: 1.0 - found.ssim, quality: found.ssim, details: vec![], map })
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
+        by_features(reference, plane, |a, b, with_map| of_similarity(vec![similarity(a, b, PEAK, with_map)]))
     }
 }
 

@@ -22,11 +22,9 @@
 //! Cost: 44 multiplications a pixel down and along, no memory beyond two planes.
 
 use super::colour::{LUMA_REC601, LUMA_REC709, channel, luma};
-use super::contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, PreparedReference, Properties,
-};
+use super::contract::{Comparison, Conditions, DifferenceMap, ImageMetric, PreparedResult, Properties, by_features};
 use super::plane::{Plane, correlate_row, gaussian};
-use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use crate::picture::EncodedPicture;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
@@ -79,46 +77,33 @@ impl ImageMetric for Ssim {
     }
 
     fn properties(&self) -> Properties {
+        let source = "Wang et al. 2004, doi:10.1109/TIP.2003.819861";
         Properties {
-            quality: "mean structural similarity",
-            unit: "1, -1 to 1",
             larger_is_better: true,
             distance: "1 - SSIM",
-            source: "Wang et al. 2004, doi:10.1109/TIP.2003.819861",
-            encodings: &[Encoding::Srgb],
             smallest: WINDOW,
-            most_pixels: MOST_PIXELS,
-            needs: vec![],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("mean structural similarity", "1, -1 to 1", source)
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        _: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
-        Ok(Box::new(Reference { metric: *self, planes: self.planes(reference) }))
+    fn prepare_checked(&self, reference: &EncodedPicture, _: &Conditions) -> PreparedResult {
+        let metric = *self;
+        by_features(
+            reference,
+            move |picture| metric.planes(picture),
+            |a, b, with_map| of_similarity(a.iter().zip(b).map(|(a, b)| similarity(a, b, 255.0, with_map)).collect()),
+        )
     }
 }
 
-struct Reference {
-    metric: Ssim,
-    planes: Vec<Plane>,
+/// The mean over planes, with the map where every plane has one.
+pub(super) fn of_similarity(planes: Vec<Similarity>) -> Comparison {
+    let quality = planes.iter().map(|s| s.ssim).sum::<f64>() / planes.len() as f64;
+    let map = map_of(planes.into_iter().filter_map(|s| s.map).collect());
+    Comparison { distance: 1.0 - quality, quality, details: vec![], map }
 }
 
-impl PreparedReference for Reference {
-    fn compare(&self, test: &EncodedPicture, with_map: bool) -> Result<Comparison, ImageMetricError> {
-        let planes = self.metric.planes(test);
-        let found: Vec<_> = self.planes.iter().zip(&planes).map(|(a, b)| similarity(a, b, 255.0, with_map)).collect();
-        let quality = found.iter().map(|s| s.ssim).sum::<f64>() / found.len() as f64;
-        let map = if with_map { map_of(found.into_iter().filter_map(|s| s.map).collect()) } else { None };
-        Ok(Comparison { distance: 1.0 - quality, quality, details: vec![], map })
-    }
-}
-
-/// 1 - SSIM at every place of the window, the mean over planes.
+/// 1 - SSIM at every place of the window, the mean over planes; `None` where there are none.
 pub(super) fn map_of(planes: Vec<Plane>) -> Option<DifferenceMap> {
     let (width, height) = planes.first().map(|p| (p.width, p.height))?;
     let mean = |i: usize| planes.iter().map(|p| p.values[i]).sum::<f64>() / planes.len() as f64;

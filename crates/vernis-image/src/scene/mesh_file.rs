@@ -138,7 +138,11 @@ fn count(header: &Header, name: &str) -> Result<usize, String> {
 }
 
 fn ply(bytes: &[u8]) -> Result<Mesh, String> {
-    let said = |e: ParseError| e.to_string().replace("\n\t", " ").replace("\\n", "");
+    // The first of the parser's errors says where and what; those below it repeat it.
+    let said = |e: ParseError| {
+        let all = e.to_string().replace("\n\t", " ").replace("\\n", "");
+        all.split(" Error:").next().unwrap_or_default().to_owned()
+    };
     let mut reader = Reader::new(bytes);
     let parser = Parser::<Vertex>::new();
     let header = parser.read_header(&mut reader).map_err(said)?;

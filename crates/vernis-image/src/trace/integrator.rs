@@ -11,18 +11,24 @@ use super::light::Lighting;
 use super::reflectance::Surface;
 use super::sampler::{Sampler, unit};
 use glam::Vec3A;
+use std::sync::Arc;
 
 /// Surfaces before paths may end by chance.
 const SURE: usize = 1;
 /// The footprint of a path that has been scattered, on wood.
 const SCATTERED_FOOTPRINT: f32 = 0.25;
 
-/// A scene as it is traced.
-pub struct World {
+/// What is the same whatever the BRDF of the shape and the camera.
+pub struct Stage {
     pub geometry: Geometry,
-    pub shape: Surface,
     pub table: Option<Surface>,
     pub light: Lighting,
+}
+
+/// A scene as it is traced.
+pub struct World {
+    pub stage: Arc<Stage>,
+    pub shape: Surface,
     pub bounces: usize,
     pub background: bool,
     /// Width of a pixel at distance 1.
@@ -48,9 +54,9 @@ impl World {
     #[inline]
     pub fn radiance(&self, from: Vec3A, direction: Vec3A, sampler: &mut Sampler) -> Vec3A {
         sampler.rays += 1;
-        match self.geometry.closest(from, direction) {
+        match self.stage.geometry.closest(from, direction) {
             Some(hit) => self.reflected(hit, direction, sampler),
-            None if self.background => self.light.towards(direction).0,
+            None if self.background => self.stage.light.towards(direction).0,
             None => Vec3A::ZERO,
         }
     }
@@ -71,11 +77,11 @@ impl World {
             let first = surface == 1;
             let footprint =
                 if !first { SCATTERED_FOOTPRINT } else { self.pixel * hit.distance / wo.z.max(0.02).sqrt() };
-            let material = if hit.is_table { self.table.as_ref().unwrap_or(&self.shape) } else { &self.shape };
+            let material = if hit.is_table { self.stage.table.as_ref().unwrap_or(&self.shape) } else { &self.shape };
             let at = material.at(wo, hit.point, footprint);
-            let start = self.geometry.start(hit.point, geometric);
+            let start = self.stage.geometry.start(hit.point, geometric);
 
-            if let Lighting::Texels(texels) = &self.light {
+            if let Lighting::Texels(texels) = &self.stage.light {
                 let choice =
                     if first { u64::from(sampler.pair(1)[0]) << 32 | sampler.next() >> 32 } else { sampler.next() };
                 let light = texels.sample(choice, sampler.two());
@@ -85,7 +91,7 @@ impl World {
                     let found = weight * value * light.radiance;
                     if found.max_element() > 0.0 {
                         sampler.rays += 1;
-                        if !self.geometry.blocks(start, light.direction) {
+                        if !self.stage.geometry.blocks(start, light.direction) {
                             sum += found;
                         }
                     }
@@ -106,17 +112,17 @@ impl World {
                 break;
             }
             let seen = |weight: Vec3A| {
-                let (radiance, by_light) = self.light.towards(direction);
+                let (radiance, by_light) = self.stage.light.towards(direction);
                 weight * radiance * (density / (density + by_light))
             };
             sampler.rays += 1;
             if surface == self.bounces {
-                if !self.geometry.blocks(start, direction) {
+                if !self.stage.geometry.blocks(start, direction) {
                     sum += seen(weight);
                 }
                 break;
             }
-            match self.geometry.closest(start, direction) {
+            match self.stage.geometry.closest(start, direction) {
                 None => {
                     sum += seen(weight);
                     break;

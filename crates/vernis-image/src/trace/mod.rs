@@ -16,14 +16,15 @@ mod tree;
 pub use reflectance::Tabulation;
 
 use crate::picture::Picture;
-use crate::scene::{Film, Scene, Shape};
+use crate::scene::{Camera, Film, Reflectance, Scene, Shape};
 use geometry::Geometry;
 use glam::Vec3A;
-use integrator::World;
+use integrator::{Stage, World};
 use light::Lighting;
 use rayon::prelude::*;
 use reflectance::Surface;
 use sampler::{Sampler, unit};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use thiserror::Error;
 use vernis_metric::io::{Observer, Progress};
@@ -52,7 +53,8 @@ pub enum TraceError {
 /// A scene that is ready to be traced.
 pub struct Tracer {
     world: World,
-    film: Film,
+    /// Its shape and light are not copied: they are behind [`Arc`].
+    scene: Scene,
     from: Vec3A,
     /// To the middle of the picture, and to the right and upper edges.
     axes: [Vec3A; 3],
@@ -66,6 +68,24 @@ impl Tracer {
     /// # Errors
     /// A camera inside the shape, a BRDF that has a value that is not finite or none at all.
     pub fn new(scene: &Scene) -> Result<Self, TraceError> {
+        let table = scene.table.as_ref().map(|table| Surface::new(&table.reflectance)).transpose()?;
+        let stage = Stage {
+            geometry: Geometry::new(scene),
+            table: table.map(|(surface, _)| surface),
+            light: Lighting::new(&scene.light, scene.light_scale),
+        };
+        Self::on(Arc::new(stage), scene)
+    }
+
+    /// The same scene with another BRDF, seen from elsewhere: the trees and tables of the rest are shared.
+    ///
+    /// # Errors
+    /// Those of [`Tracer::new`].
+    pub fn seen_anew(&self, reflectance: Reflectance, camera: Camera) -> Result<Self, TraceError> {
+        Self::on(self.world.stage.clone(), &Scene { reflectance, camera, ..self.scene.clone() })
+    }
+
+    fn on(stage: Arc<Stage>, scene: &Scene) -> Result<Self, TraceError> {
         let from = scene.camera.from;
         let inside = match &scene.shape {
             Shape::Sphere { center, radius } => {
@@ -78,26 +98,18 @@ impl Tracer {
         }
         let film = scene.film;
         let (shape, tabulation) = Surface::new(&scene.reflectance)?;
-        let table = scene.table.as_ref().map(|table| Surface::new(&table.reflectance)).transpose()?;
         let vector = |p: [f64; 3]| Vec3A::new(p[0] as f32, p[1] as f32, p[2] as f32);
         let axes = scene.camera.axes();
         let half = (0.5 * scene.camera.fov_deg.to_radians()).tan() as f32;
         let aspect = film.width as f32 / film.height.max(1) as f32;
+        let pixel = 2.0 * half / film.height.max(1) as f32;
         Ok(Self {
-            world: World {
-                geometry: Geometry::new(scene),
-                shape,
-                table: table.map(|(surface, _)| surface),
-                light: Lighting::new(&scene.light, scene.light_scale),
-                bounces: film.bounces,
-                background: scene.background,
-                pixel: 2.0 * half / film.height.max(1) as f32,
-            },
-            film,
+            world: World { stage, shape, bounces: film.bounces, background: scene.background, pixel },
             from: vector(from),
             axes: [vector(axes.forward), half * aspect * vector(axes.right), half * vector(axes.up)],
             tabulation,
             rays: AtomicU64::new(0),
+            scene: scene.clone(),
         })
     }
 
@@ -116,7 +128,7 @@ impl Tracer {
     /// # Errors
     /// A pixel that is not finite.
     pub fn render(&self, observer: Observer) -> Result<Picture, TraceError> {
-        let Film { width, height, .. } = self.film;
+        let Film { width, height, .. } = self.scene.film;
         let mut pixels = vec![[0.0f32; 3]; width.saturating_mul(height)];
         let done = AtomicUsize::new(0);
         pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
@@ -134,7 +146,7 @@ impl Tracer {
     }
 
     fn pixel(&self, column: usize, row: usize, rays: &mut u64) -> [f32; 3] {
-        let Film { width, height, samples, seed, .. } = self.film;
+        let Film { width, height, samples, seed, .. } = self.scene.film;
         let numbers = Sampler::pixel(seed, (row * width + column) as u64);
         let [forward, right, up] = self.axes;
         let mut sum = [0.0f64; 3];

@@ -259,7 +259,12 @@ impl ProbePicture {
         }
         let mut pixels = vec![[0.0; 3]; said];
         let linear = |pixel: image::codecs::hdr::Rgbe8Pixel| pixel.to_hdr().0.map(f64::from);
-        decoder.read_image_transform(linear, &mut pixels).map_err(|e| unreadable(e.to_string()))?;
+        decoder.read_image_transform(linear, &mut pixels).map_err(|e| match e {
+            image::ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+                unreadable(format!("it ends before the last of its {width}x{height} pixels"))
+            }
+            other => unreadable(other.to_string()),
+        })?;
         Ok(Self { width, height, pixels })
     }
 }

@@ -9,6 +9,7 @@
 
 use super::{Light, LightError, NodeTable, Operator, Sampling};
 use crate::brdf::Brdf;
+use crate::math::color::srgb;
 use crate::math::{Rgb, Vec3};
 
 /// White paper under the lights of mean luminance 3 that [`Light`] makes comes out at about 1.
@@ -69,7 +70,7 @@ impl Sphere {
     /// A BRDF without measured values.
     pub fn png(&self, brdf: &dyn Brdf) -> Result<Vec<u8>, LightError> {
         let pixel = |value: Option<Rgb>| match value {
-            Some([r, g, b]) => [srgb(r), srgb(g), srgb(b), 255],
+            Some([r, g, b]) => [byte(r), byte(g), byte(b), 255],
             None => [0; 4],
         };
         let bytes: Vec<u8> = self.radiance(brdf)?.into_iter().flat_map(pixel).collect();
@@ -83,10 +84,8 @@ impl Sphere {
 }
 
 /// The byte of a linear value after exposure.
-fn srgb(radiance: f64) -> u8 {
-    let linear = (EXPOSURE * radiance).clamp(0.0, 1.0);
-    let value = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * value).round() as u8
+fn byte(radiance: f64) -> u8 {
+    (255.0 * srgb((EXPOSURE * radiance).clamp(0.0, 1.0))).round() as u8
 }
 
 #[cfg(test)]
@@ -128,7 +127,7 @@ mod tests {
     #[test]
     fn bytes_follow_the_curve() {
         // IEC 61966-2-1: 0.18 is 118 of 255, 0.5 is 188.
-        assert_eq!([0.0, 0.18, 0.5, 1.0, 9.0].map(|v| srgb(v / EXPOSURE)), [0, 118, 188, 255, 255]);
+        assert_eq!([0.0, 0.18, 0.5, 1.0, 9.0].map(|v| byte(v / EXPOSURE)), [0, 118, 188, 255, 255]);
     }
 
     #[test]

@@ -18,6 +18,11 @@ pub const CIELAB_LINEAR_BELOW: f64 = 216.0 / 24389.0;
 /// Slope of that line, 841/108 = 1/(3 (6/29)^2).
 pub const CIELAB_SLOPE: f64 = 841.0 / 108.0;
 
+/// The sRGB code from 0 to 1 of linear light from 0 to 1 (IEC 61966-2-1:1999, equations 9 and 10).
+pub fn srgb(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// Relative luminance of a linear RGB triple.
 pub fn luminance(c: Rgb) -> f64 {
     LUMINANCE_REC709[0] * c[0] + LUMINANCE_REC709[1] * c[1] + LUMINANCE_REC709[2] * c[2]

@@ -40,7 +40,8 @@ mod resize;
 
 use super::colour::{LUMA_REC709, dot, light, times};
 use super::contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, PreparedReference, Properties,
+    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, PreparedReference, PreparedResult,
+    Properties,
 };
 use super::frequency;
 use super::plane::{Plane, sum_of_rows};
@@ -106,12 +107,9 @@ impl ImageMetric for HdrVdp {
     }
 
     fn properties(&self) -> Properties {
+        let (unit, source) = ("1, larger is worse", "Mantiuk et al. 2011, doi:10.1145/2010324.1964935");
         Properties {
-            quality: "Q of HDR-VDP 2.2.0; P_det is a detail",
-            unit: "1, larger is worse",
-            larger_is_better: false,
             distance: "Q minus that of identical pictures",
-            source: "Mantiuk et al. 2011, doi:10.1145/2010324.1964935",
             encodings: match self.0 {
                 Receptors::Rgb => &[Encoding::Srgb, Encoding::Linear],
                 Receptors::Luminance => &[Encoding::Linear],
@@ -119,16 +117,11 @@ impl ImageMetric for HdrVdp {
             smallest: pyramid::SMALLEST,
             most_pixels: MOST_PIXELS / 4,
             needs: vec![Need::Ppd(PPD)],
-            has_map: true,
-            differentiable: false,
+            ..Properties::new("Q of HDR-VDP 2.2.0; P_det is a detail", unit, source)
         }
     }
 
-    fn prepare_checked(
-        &self,
-        reference: &EncodedPicture,
-        conditions: &Conditions,
-    ) -> Result<Box<dyn PreparedReference>, ImageMetricError> {
+    fn prepare_checked(&self, reference: &EncodedPicture, conditions: &Conditions) -> PreparedResult {
         let ppd = conditions.ppd.unwrap_or(PPD);
         let channels = self.channels(reference);
         let seen = self.seen(&channels, ppd, None);

@@ -1,8 +1,7 @@
 //! From a fit to a renderer: the material that looks like it there, and what the translation costs.
 //!
 //! A renderer has few models. Where it has the fitted one, [`translate`] gives its exact counterpart; where it has not, the nearest
-//! material: the renderer's most flexible model, fitted to the fit. [`Translation::judge`] says how far that is from the fit, in any
-//! metric.
+//! material: the renderer's most flexible model, fitted to the fit. [`Translation::costs`] says how far that is from the fit.
 //!
 //! | renderer | exact | nearest |
 //! | --- | --- | --- |
@@ -21,6 +20,8 @@ use super::{FitError, Fitting, MetricUsed};
 use crate::brdf::models::{AnalyticBrdf, Gltf, OpenPbrDielectric, OpenPbrMetal, Principled};
 use crate::io::{Interrupt, Observer, decimals, nearest};
 use crate::math::Rgb;
+use crate::metric::learned::FAMILY;
+use crate::metric::registry::Registry;
 use crate::metric::{Metric, Score};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -105,7 +106,7 @@ pub struct Translation {
     pub model: Arc<dyn AnalyticBrdf>,
     /// Whether the renderer has the very formula.
     pub exact: bool,
-    /// What it costs, in each of the metrics that [`Translation::judge`] was called with.
+    /// What it costs, metric by metric.
     pub costs: Vec<Cost>,
 }
 
@@ -126,45 +127,68 @@ pub struct Export {
     pub costs: Vec<Cost>,
 }
 
-/// The material of `renderer` for `model`: the exact counterpart, or the nearest under `loss`.
+/// The metrics that a translation is usually told in: that of the fit, the one to fit with, and the one that predicts what people would
+/// say, each once.
+///
+/// # Errors
+/// Those of the registry.
+pub fn usual_metrics(of_fit: Arc<dyn Metric>, registry: &Registry) -> Result<Vec<Arc<dyn Metric>>, FitError> {
+    let mut metrics = vec![of_fit];
+    for name in ["vernis-loss", "vernis"] {
+        if metrics.iter().all(|metric| metric.name() != name) {
+            metrics.push(registry.get(name)?);
+        }
+    }
+    Ok(metrics)
+}
+
+/// The material of `renderer` for `model`: the exact counterpart, or the nearest under the first of `metrics` that was learned, whose
+/// gradients make the search short. What it costs is told in each of them.
 ///
 /// An interrupted search gives the best material so far.
 ///
 /// # Errors
-/// Those of [`Fitting::run`].
+/// [`FitError::Setting`] where no metric was learned and one is needed; those of [`Fitting::run`] and of the metrics.
 pub fn translate(
     model: &dyn AnalyticBrdf,
     renderer: Renderer,
-    loss: &dyn Metric,
+    metrics: &[Arc<dyn Metric>],
     interrupt: &Interrupt,
     observer: Observer<'_>,
 ) -> Result<Translation, FitError> {
-    let exact = counterpart(renderer, model)?;
-    let (model, exact) = match exact {
-        Some(model) => (model, true),
+    let (material, exact) = match counterpart(renderer, model)? {
+        Some(material) => (material, true),
         None => {
+            let learned = metrics.iter().find(|metric| metric.properties().family == FAMILY);
+            let loss = learned.ok_or_else(|| FitError::Setting {
+                what: "metrics",
+                found: metrics.iter().map(|metric| metric.name()).collect::<Vec<_>>().join(", "),
+                allowed: "some of which one was learned, such as vernis-loss".to_owned(),
+            })?;
             let fitting =
-                Fitting { interrupt: interrupt.clone(), ..Fitting::new(nearest_model(renderer, model), loss) };
+                Fitting { interrupt: interrupt.clone(), ..Fitting::new(nearest_model(renderer, model), &**loss) };
             (fitting.run(model, observer)?.model, false)
         }
     };
-    Ok(Translation { renderer, model, exact, costs: Vec::new() })
+    let cost = |metric: &Arc<dyn Metric>| {
+        let measured = metric.prepare(model)?.measure(&*material)?;
+        Ok(Cost { metric: MetricUsed::of(&**metric), distance: measured.value, score: measured.score })
+    };
+    let costs = metrics.iter().map(cost).collect::<Result<_, FitError>>()?;
+    Ok(Translation { renderer, model: material, exact, costs })
 }
 
 impl Translation {
-    /// Adds what the translation of `model` costs under `metric`.
-    ///
-    /// # Errors
-    /// Those of the metric.
-    pub fn judge(&mut self, model: &dyn AnalyticBrdf, metric: &dyn Metric) -> Result<(), FitError> {
-        let measured = metric.prepare(model)?.measure(&*self.model)?;
-        self.costs.push(Cost { metric: MetricUsed::of(metric), distance: measured.value, score: measured.score });
-        Ok(())
+    /// The file of the renderer; `what` says in a line what it stands for, and is a comment beside what the translation costs.
+    pub fn text(&self, what: &str) -> String {
+        let costs = format!("{}; the translation costs: {}", self.kind(), self.costs_in_words());
+        write::text(self.renderer, &*self.model, &[what.to_owned(), costs])
     }
 
-    /// The file of the renderer. `notes` are comments for whoever opens it.
-    pub fn text(&self, notes: &[String]) -> String {
-        write::text(self.renderer, &*self.model, notes)
+    /// Whether it is exact, in words: `the same formula (ggx-conductor)` or `the nearest principled`.
+    pub fn kind(&self) -> String {
+        let model = self.model.model();
+        if self.exact { format!("the same formula ({model})") } else { format!("the nearest {model}") }
     }
 
     /// The material as a dictionary that `mitsuba.load_dict` takes; `None` for other renderers.
@@ -303,14 +327,12 @@ mod tests {
     use crate::brdf::models::{Ggx, GgxConductor, Lambert};
     use crate::io::silent;
     use crate::math::coordinates::standard_directions;
-    use crate::metric::registry::Registry;
 
     fn translated(model: &dyn AnalyticBrdf, renderer: Renderer) -> Translation {
         let registry = Registry::standard().unwrap();
-        let loss = registry.get("D4.Cl").unwrap();
-        let mut found = translate(model, renderer, &*loss, &Interrupt::new(), &silent).unwrap();
-        found.judge(model, &*loss).unwrap();
-        found
+        let metrics = usual_metrics(registry.get("D4.Cl").unwrap(), &registry).unwrap();
+        assert_eq!(metrics.iter().map(|m| m.name()).collect::<Vec<_>>(), ["D4.Cl", "vernis-loss", "vernis"]);
+        translate(model, renderer, &metrics, &Interrupt::new(), &silent).unwrap()
     }
 
     #[test]
@@ -351,19 +373,26 @@ mod tests {
     }
 
     /// What has no counterpart is fitted: the cost is what is left, and far below that of a grey. Every renderer is looked at in the
-    /// tests of the Python package, where the search has gradients.
+    /// tests of the Python package.
     #[test]
     fn the_nearest_material_says_what_it_costs() {
         let plastic = Ggx { kd: [0.05, 0.3, 0.1], f0: [0.04; 3], alpha: 0.15 };
-        let grey = Lambert { kd: [0.2; 3] };
         let found = translated(&plastic, Renderer::Gltf);
-        let mut worse = Translation { model: Arc::new(grey), costs: Vec::new(), ..found.clone() };
-        worse.judge(&plastic, &*Registry::standard().unwrap().get("D4.Cl").unwrap()).unwrap();
-        let (cost, of_grey) = (found.costs[0].distance, worse.costs[0].distance);
-        assert!(!found.exact && cost > 0.0 && cost < 0.5 * of_grey, "{cost} {of_grey}");
+        let registry = Registry::standard().unwrap();
+        for cost in &found.costs {
+            let grey = registry.get(&cost.metric.name).unwrap().distance(&plastic, &Lambert { kd: [0.2; 3] }).unwrap();
+            assert!(cost.distance < 0.5 * grey, "{}: {} {grey}", cost.metric.name, cost.distance);
+            assert_eq!(cost.score.is_some(), cost.metric.name != "D4.Cl");
+        }
+        assert!(!found.exact && found.costs[0].distance > 0.0);
         let export = found.export("a.gltf");
         let again: Export = serde_json::from_str(&serde_json::to_string(&export).unwrap()).unwrap();
         assert_eq!(again, export);
+        // Without a learned metric there is nothing to search under.
+        let d4 = [registry.get("D4.Cl").unwrap()];
+        let refused = translate(&plastic, Renderer::Gltf, &d4, &Interrupt::new(), &silent).err().unwrap().to_string();
+        assert!(refused.contains("metrics is D4.Cl; it must be some of which one was learned"), "{refused}");
+        assert!(translate(&Lambert { kd: [0.2; 3] }, Renderer::Gltf, &d4, &Interrupt::new(), &silent).unwrap().exact);
     }
 
     #[test]

@@ -144,7 +144,7 @@ fn interval(interval: Interval) -> String {
 }
 
 pub fn triplets(shared: &Shared, args: &TripletsArgs) -> Result<()> {
-    let metrics = args.choice.metrics()?;
+    let metrics = args.choice.metrics(shared)?;
     let set = Triplets::load(&args.triplets, &args.materials).map_err(user_error)?;
     let source = |name: &String| BrdfSource::parse(&format!("{}:{name}", args.archive)).map_err(user_error);
     let sources = set.materials.iter().map(source).collect::<Result<Vec<_>>>()?;

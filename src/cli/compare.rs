@@ -47,7 +47,7 @@ pub struct CompareArgs {
 }
 
 pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
-    let metrics = args.choice.metrics()?;
+    let metrics = args.choice.metrics(shared)?;
     let reference = workspace::open(&args.reference, shared.data.as_deref())?;
     let candidate = workspace::open(&args.candidate, shared.data.as_deref())?;
     workspace::warm_up(shared, &metrics)?;

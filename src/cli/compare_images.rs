@@ -1,7 +1,7 @@
 //! `vernis compare-images`: two pictures, any number of metrics.
 
 use super::output::{Inputs, Replace};
-use super::{output, print, user_error};
+use super::{Shared, output, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -11,9 +11,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_image::display::Display;
-use vernis_image::metric::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, ImageRegistry, Lab2000HlTable, Need,
-};
+use vernis_image::metric::{Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, ImageRegistry};
 use vernis_image::picture::EncodedPicture;
 use vernis_image::picture::read::read;
 use vernis_metric::io::decimals;
@@ -58,9 +56,6 @@ pub struct CompareImagesArgs {
     /// The display of cvvdp [default: standard-fhd for codes, standard-hdr-linear for light].
     #[arg(long, value_name = "NAME", value_parser = displays())]
     display: Option<String>,
-    /// Folder with what a metric may not ship: lab2000hl_ab.f32, the table of LAB2000HL for cid and icid.
-    #[arg(long, value_name = "DIR")]
-    weights: Option<PathBuf>,
     /// Write where the differences are, as a grey PNG: black is none. Needs one --metric that has a map.
     #[arg(long, value_name = "OUT.png")]
     map: Option<PathBuf>,
@@ -76,18 +71,14 @@ fn displays() -> PossibleValuesParser {
     PossibleValuesParser::new(Display::ALL.map(Display::name))
 }
 
-pub fn run(args: CompareImagesArgs) -> Result<()> {
+pub fn run(shared: &Shared, args: CompareImagesArgs) -> Result<()> {
     let registry = ImageRegistry::standard();
     let named =
         args.metrics.iter().map(|name| registry.get(name)).collect::<Result<Vec<_>, _>>().map_err(user_error)?;
     let named = without_repetitions(named);
     let out = args.map.as_deref().map(|map| map_file(map, &args, &named)).transpose()?;
-    let table = match &args.weights {
-        Some(folder) => table(folder, &named)?,
-        None => None,
-    };
     let display = args.display.as_deref().and_then(Display::named);
-    let conditions = Conditions { ppd: args.ppd, display, table: table.map(Arc::new) };
+    let conditions = Conditions { ppd: args.ppd, display, ..workspace::conditions(shared, &named)? };
     let reference = read(&args.reference).map_err(user_error)?;
     let test = read(&args.test).map_err(user_error)?;
     let found = if named.is_empty() {
@@ -157,21 +148,6 @@ fn compared_where_possible(
         }
     }
     Ok((found, left_out))
-}
-
-/// The table of the folder, where it is there or a named metric needs it.
-fn table(folder: &Path, named: &[Arc<dyn ImageMetric>]) -> Result<Option<Lab2000HlTable>> {
-    if !folder.is_dir() {
-        return Err(user_error(format!("--weights {} is no folder; it must be the name of one", folder.display())));
-    }
-    let file = folder.join(Lab2000HlTable::FILE);
-    let needs = |metric: &Arc<dyn ImageMetric>| {
-        metric.properties().needs.iter().any(|need| matches!(need, Need::Lab2000HlTable { .. }))
-    };
-    if file.exists() || named.iter().any(needs) {
-        return Lab2000HlTable::read(&file).map(Some).map_err(user_error);
-    }
-    Ok(None)
 }
 
 /// The folder and name of the map, found unwritable before the work.

@@ -100,7 +100,7 @@ impl std::fmt::Display for NotConverged {
 impl std::error::Error for NotConverged {}
 
 pub fn run(shared: &Shared, args: FitArgs) -> Result<()> {
-    let (metric, coarsening) = args.cells.of(workspace::one_metric(&args.metric, &args.view.options())?)?;
+    let (metric, coarsening) = args.cells.of(workspace::one_metric(shared, &args.metric, &args.view.options())?)?;
     let bar = Bar::new();
     let signals = Signals::caught(&bar)?;
     let start = args.start.as_deref().map(|s| start(s, &args.model)).transpose()?;

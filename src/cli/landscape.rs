@@ -44,7 +44,7 @@ pub struct LandscapeArgs {
 pub fn run(shared: &Shared, args: &LandscapeArgs) -> Result<()> {
     let metrics = match args.metrics.is_empty() {
         true => default_metrics(&Registry::standard()?)?,
-        false => workspace::metrics(&args.metrics, &DescriptorOptions::default())?,
+        false => workspace::metrics(shared, &args.metrics, &DescriptorOptions::default())?,
     };
     let mut names: Vec<String> = report::landscape::FILES.map(str::to_owned).into();
     names.extend(report::landscape::FIGURES.iter().flat_map(|name| [format!("{name}.svg"), format!("{name}.png")]));

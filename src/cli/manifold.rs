@@ -128,7 +128,7 @@ struct Sample {
 }
 
 pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
-    let metrics = workspace::metrics(&args.metric, &DescriptorOptions::default())?;
+    let metrics = workspace::metrics(shared, &args.metric, &DescriptorOptions::default())?;
     let sources = references(shared, &args)?;
     let Some(index) = sources.keys().position(|name| *name == args.material) else {
         let known = sources.keys().map(String::as_str).collect::<Vec<_>>().join(", ");

@@ -79,6 +79,10 @@ struct Shared {
     /// ~/.cache/vernis].
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
+    /// Folder with what metrics on pictures need and may not ship: tables, weights of networks (`vernis data list` names the files)
+    /// [default: that of the variable VERNIS_WEIGHTS].
+    #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
+    weights: Option<PathBuf>,
     /// Number of worker threads, 1 to 1024 [default: one per core]. Does not change results.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
@@ -218,7 +222,12 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
-    for (folder, variable) in [(&mut cli.shared.data, "VERNIS_DATA"), (&mut cli.shared.cache, "VERNIS_CACHE")] {
+    let folders = &mut cli.shared;
+    for (folder, variable) in [
+        (&mut folders.data, "VERNIS_DATA"),
+        (&mut folders.cache, "VERNIS_CACHE"),
+        (&mut folders.weights, "VERNIS_WEIGHTS"),
+    ] {
         *folder = folder.take().or_else(|| std::env::var_os(variable).map(PathBuf::from));
         folder.take_if(|path| path.as_os_str().is_empty());
     }
@@ -269,7 +278,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         #[cfg(feature = "train")]
         Command::Merge(args) => extract::merge(args),
         Command::Compare(args) => compare::run(&cli.shared, args),
-        Command::CompareImages(args) => compare_images::run(args),
+        Command::CompareImages(args) => compare_images::run(&cli.shared, args),
         Command::Score(args) => score::run(&cli.shared, args),
         Command::Sweep(args) => sweep::run(&cli.shared, args),
         Command::Fit(args) => fit::run(&cli.shared, args),

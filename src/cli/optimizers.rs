@@ -57,7 +57,7 @@ pub fn run(shared: &Shared, args: &OptimizersArgs) -> Result<()> {
     };
     let names: Vec<String> = named(&args.metrics, &METRICS);
     let models = named(&args.models, &["ggx", "ward-duer", "blinn-phong"]);
-    let metrics = workspace::metrics(&names, &DescriptorOptions::default())?;
+    let metrics = workspace::metrics(shared, &names, &DescriptorOptions::default())?;
     let inputs = Inputs::default().file(&args.study).files(&args.metrics);
     let folder = output::folder(Some(&args.out), PathBuf::new, &FILES, &inputs, args.replace)?;
     let study = Study::load(&args.study, shared.data.as_deref()).map_err(user_error)?;

@@ -48,7 +48,7 @@ pub struct RefitArgs {
 }
 
 pub fn run(shared: &Shared, args: RefitArgs) -> Result<()> {
-    let (metric, coarsening) = args.cells.of(workspace::one_metric(&args.metric, &args.view.options())?)?;
+    let (metric, coarsening) = args.cells.of(workspace::one_metric(shared, &args.metric, &args.view.options())?)?;
     let methods = methods(&args.method)?;
     let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
     let references = study.pairs.iter().map(|pair| &pair.reference);

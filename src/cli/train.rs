@@ -7,6 +7,7 @@ use super::study_input::StudyInput;
 use super::{Shared, limits, note, print, user_error, workspace};
 use crate::dataset::{DatasetError, Study, contradiction};
 use crate::evaluation::records::BenchmarkRecord;
+use crate::experiment::further::Further;
 use crate::experiment::plan::Plan;
 use crate::experiment::train::{RESAMPLES, Stage, loss_name, metric_file, metric_name, metrics};
 use crate::experiment::{BenchmarkOptions, ExperimentError, Measurement, Purpose};
@@ -33,6 +34,11 @@ pub struct StudyOptions {
     seed: u64,
     #[command(flatten)]
     scores: ScoresArgs,
+    /// Judge a further metric by name, such as D4.Cl, ot[p=2,blur=0.02], or stimulus[ssim]: SSIM of rendered pictures; may be given
+    /// several times. all-stimulus, all-stimulus-offset and all-stimulus-offset-minus-hidden stand for all metrics on pictures by one
+    /// way to place the cameras.
+    #[arg(long = "metric", short = 'm', value_name = "NAME", conflicts_with = "extracted")]
+    metrics: Vec<String>,
     /// Folder for results [default: out/STUDY, where earlier results are replaced; in a folder named here they stay without
     /// --replace].
     #[arg(long, value_name = "DIR")]
@@ -169,6 +175,7 @@ impl Job {
             variants: options.variants,
             seed: options.seed,
             scores: None,
+            further: Further::default(),
         };
         let progress = |stage: &str, progress| bar.update(stage, progress);
         let exported = purpose == Purpose::Train;
@@ -199,6 +206,7 @@ impl Job {
             }
             None => {
                 let study = options.input.study(shared)?;
+                how.further = further(shared, options, &study)?;
                 // Found unwritable before the work, not after it.
                 how.scores = options.scores.load(&study)?;
                 let folder = folder(options, &how, &study, files(&study))?;
@@ -252,6 +260,15 @@ impl Job {
         };
         Ok(write_benchmark(&self.folder, record, &materials, pictures::LAMPS_IN_WORDS)?)
     }
+}
+
+/// The metrics that are named to be judged as well.
+fn further(shared: &Shared, options: &StudyOptions, study: &Study) -> Result<Further> {
+    if options.metrics.is_empty() {
+        return Ok(Further::default());
+    }
+    let metrics = workspace::metrics(shared, &options.metrics, &options.input.view.options())?;
+    Further::new(metrics, study).map_err(workspace::experiment_error)
 }
 
 /// Says what is left out.

@@ -9,6 +9,8 @@ use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vernis_image::metric::{Conditions, ImageMetric, Lab2000HlTable, Need};
+use vernis_image::stimulus;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
 use vernis_metric::metric::learned::{self, LearnedMetric};
@@ -44,8 +46,8 @@ impl MetricChoice {
     }
 
     /// The metrics, those on graphs on the grid that is named unless their own name says another.
-    pub fn metrics(&self) -> Result<Vec<Arc<dyn Metric>>> {
-        let metrics = metrics(&self.names, &self.view.options())?;
+    pub fn metrics(&self, shared: &Shared) -> Result<Vec<Arc<dyn Metric>>> {
+        let metrics = metrics(shared, &self.names, &self.view.options())?;
         let Some(grid) = &self.grid else { return Ok(metrics) };
         let grid = grid.parse().map_err(|e| user_error(format!("--grid: {e}")))?;
         let on_grid: Vec<_> = metrics.iter().map(|metric| metric.on_grid(grid)).collect();
@@ -59,10 +61,32 @@ impl MetricChoice {
     }
 }
 
+/// Every metric, those on stimuli among them.
+pub fn registry(shared: &Shared) -> Result<Registry> {
+    Ok(stimulus::registry(shared.data.as_deref(), conditions(shared, &[])?)?)
+}
+
+/// What the folder of weights holds. A metric of `named` that needs what is not there says so.
+pub fn conditions(shared: &Shared, named: &[Arc<dyn ImageMetric>]) -> Result<Conditions> {
+    let Some(folder) = &shared.weights else { return Ok(Conditions::default()) };
+    if !folder.is_dir() {
+        return Err(user_error(format!("--weights {} is no folder; it must be the name of one", folder.display())));
+    }
+    let file = folder.join(Lab2000HlTable::FILE);
+    let needs = |metric: &Arc<dyn ImageMetric>| {
+        metric.properties().needs.iter().any(|need| matches!(need, Need::Lab2000HlTable { .. }))
+    };
+    let table = match file.exists() || named.iter().any(needs) {
+        true => Some(Arc::new(Lab2000HlTable::read(&file).map_err(user_error)?)),
+        false => None,
+    };
+    Ok(Conditions { table, ..Conditions::default() })
+}
+
 /// The metrics called `names`; a name that ends in `.json` is the path of an exported metric, which may need the probe or the mesh
 /// of `options`, and which is called `NAME@FILE` where a built-in metric has its name. No name means the shipped one.
-pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<dyn Metric>>> {
-    let registry = Registry::standard()?;
+pub fn metrics(shared: &Shared, names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<dyn Metric>>> {
+    let registry = registry(shared)?;
     let default = [DEFAULT_METRIC.to_owned()];
     let names = if names.is_empty() { &default[..] } else { names };
     let mut found: Vec<Arc<dyn Metric>> = Vec::new();
@@ -90,8 +114,8 @@ pub fn metrics(names: &[String], options: &DescriptorOptions) -> Result<Vec<Arc<
 }
 
 /// The one metric called `name`.
-pub fn one_metric(name: &str, options: &DescriptorOptions) -> Result<Arc<dyn Metric>> {
-    let mut found = metrics(&[name.to_owned()], options)?;
+pub fn one_metric(shared: &Shared, name: &str, options: &DescriptorOptions) -> Result<Arc<dyn Metric>> {
+    let mut found = metrics(shared, &[name.to_owned()], options)?;
     match (found.pop(), found.is_empty()) {
         (Some(metric), true) => Ok(metric),
         _ => Err(user_error(format!("--metric is {name}, which is several metrics; it must be one"))),
@@ -117,8 +141,9 @@ pub fn cache(shared: &Shared) -> Result<Option<Cache>> {
 
 /// Fetches or builds what comparisons of these metrics need, whatever the BRDFs.
 pub fn warm_up(shared: &Shared, metrics: &[Arc<dyn Metric>]) -> Result<()> {
-    // Only learned metrics need anything: others leave the cache alone.
-    if metrics.iter().any(|m| m.properties().family == learned::FAMILY)
+    // Only learned metrics and those on stimuli need anything: others leave the cache alone.
+    let uses = [learned::FAMILY, stimulus::FAMILY];
+    if metrics.iter().any(|m| uses.contains(&m.properties().family))
         && let Some(cache) = cache(shared)?
     {
         warn(metrics.iter().filter_map(|metric| metric.warm_up(&cache)));

@@ -98,6 +98,8 @@ pub enum MetricKind {
     Trivial,
     /// Distances that were computed elsewhere and read from a file.
     External,
+    /// A metric on pictures of both BRDFs.
+    Image,
 }
 
 impl MetricKind {

@@ -2,6 +2,7 @@
 
 use super::ExperimentError;
 use super::external::ExternalScores;
+use super::further::Further;
 use super::plan::Plan;
 use crate::dataset::Study;
 use crate::evaluation::EvaluationError;
@@ -65,6 +66,8 @@ pub struct RunInfo<'a> {
     pub metric_versions: BTreeMap<String, String>,
     /// Distances that were computed elsewhere, which take part.
     pub external: Option<&'a ExternalScores>,
+    /// Metrics beside those that always take part, with their distances.
+    pub further: Option<(&'a Further, &'a Samples)>,
     /// Whether [`recipe::variants`] take part.
     pub variants: bool,
 }
@@ -102,9 +105,10 @@ pub fn measure(
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
     let external = info.external.map(|scores| scores.samples(study)).transpose()?;
     let of_file = || info.external.iter().zip(&external).flat_map(|(scores, samples)| scores.contenders(samples));
+    let asked = || info.further.into_iter().flat_map(|(metrics, samples)| metrics.contenders(samples));
     let learned = learned(&metrics, &variants, &parts, &taken, &compact);
     let classical = classical(&best, [&lp, &graphs], &plan.means);
-    for contender in learned.into_iter().chain(classical).chain(of_file()) {
+    for contender in learned.into_iter().chain(classical).chain(asked()).chain(of_file()) {
         stage(&format!("cross-validation: {}", contender.name));
         match bench.judge(&contender) {
             Ok(failed) => left_out.extend(
@@ -148,7 +152,9 @@ pub fn measure(
     let mut curves = Vec::new();
     let of_graphs = graphs.columns().iter().map(|column| (&graphs, column.name.as_str()));
     let of_external = external.iter().flat_map(|s| s.columns().iter().map(move |column| (s, column.name.as_str())));
-    for (samples, name) in of_graphs.chain(CURVED_LP.map(|name| (&lp, name))).chain(of_external) {
+    let asked_samples = info.further.into_iter().map(|(_, samples)| samples);
+    let of_asked = asked_samples.flat_map(|s| s.columns().iter().map(move |column| (s, column.name.as_str())));
+    for (samples, name) in of_graphs.chain(CURVED_LP.map(|name| (&lp, name))).chain(of_asked).chain(of_external) {
         match bench.curve(samples, name) {
             Ok(curve) => curves.push(curve),
             Err(error) => keep(&format!("The curve of {name}"), error),
@@ -159,12 +165,17 @@ pub fn measure(
     headline.extend(parts.iter().map(|(trainer, _, _)| trainer.name().to_owned()));
     headline.push(best.name().to_owned());
     headline.extend(graphs.columns().iter().map(|column| column.name.clone()));
+    let is_image = |contender: &Contender<'_>| contender.kind == MetricKind::Image;
+    headline.extend(asked().filter(|contender| !is_image(contender)).map(|contender| contender.name));
     headline.extend(of_file().map(|contender| contender.name));
     headline.extend(SHOWN_LP.map(str::to_owned));
     headline.extend(plan.means.iter().map(|m| m.name().to_owned()));
     headline.retain(|name| bench.has(name));
     let subject = headline.first().cloned().unwrap_or_default();
     let mut others: Vec<&str> = headline.iter().skip(1).map(String::as_str).collect();
+    // Dozens of them have tables of their own.
+    let images: Vec<String> = asked().filter(is_image).map(|contender| contender.name).collect();
+    others.extend(images.iter().map(String::as_str).filter(|name| bench.has(name)));
     others.extend(
         variants.iter().map(|(trainer, _)| trainer.name()).chain([WITH_NETWORKS]).filter(|name| bench.has(name)),
     );

@@ -10,6 +10,8 @@
 mod contenders;
 #[cfg(feature = "train")]
 pub mod external;
+#[cfg(feature = "train")]
+pub mod further;
 pub mod landscape;
 pub mod losses;
 pub mod optimizers;

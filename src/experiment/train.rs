@@ -13,6 +13,7 @@
 use super::ExperimentError;
 use super::contenders::{RunInfo, StudyBenchmark, measure, taken};
 use super::external::ExternalScores;
+use super::further::Further;
 use super::plan::Plan;
 use crate::dataset::triplets::StudyTriplets;
 use crate::dataset::{DeclaredScale, Study, manifest};
@@ -21,6 +22,7 @@ use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
 use crate::samples::Samples;
 use crate::samples::extracted::ExtractedStudy;
 use crate::samples::extraction::{Extraction, Extractor};
+use crate::samples::further::further;
 use crate::samples::split::TrainingSet;
 use crate::samples::triplets::TripletSamples;
 use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
@@ -62,6 +64,8 @@ pub struct BenchmarkOptions {
     pub seed: u64,
     /// Distances that were computed elsewhere, which are judged as well.
     pub scores: Option<ExternalScores>,
+    /// Metrics that are judged beside those that always are.
+    pub further: Further,
     /// Whether the metric with one part changed is judged as well ([`recipe::variants`]): minutes for what each part is worth.
     pub variants: bool,
 }
@@ -76,6 +80,7 @@ impl Default for BenchmarkOptions {
             resamples: RESAMPLES,
             seed: 1,
             scores: None,
+            further: Further::default(),
             variants: false,
         }
     }
@@ -206,6 +211,8 @@ struct Numbers<'a> {
     bank: Option<TableBank>,
     /// What the metric learns from beside the ratings, or why there is nothing.
     triplets: Result<TripletSamples, String>,
+    /// Distances of [`BenchmarkOptions::further`].
+    further: Option<Samples>,
 }
 
 /// Why studies whose numbers were extracted before have no triplets.
@@ -240,8 +247,19 @@ impl Measurement {
                 Ok(samples)
             }
         };
+        let metrics = options.further.metrics();
+        let further = match metrics.is_empty() {
+            true => None,
+            false => {
+                let told = |p| progress("further metrics", p);
+                let (samples, unkept) = further(study, metrics, data, cache, &told)?;
+                warnings.extend(unkept);
+                Some(samples)
+            }
+        };
         let setup = setup.id().to_owned();
-        let numbers = Numbers { study: &whole, samples: extraction.samples, setup, bank: Some(bank), triplets };
+        let numbers =
+            Numbers { study: &whole, samples: extraction.samples, setup, bank: Some(bank), triplets, further };
         let source = format!("--study {}{}", file_name(study), scale_option(study));
         Self::measure(numbers, options, purpose, &source, warnings, progress)
     }
@@ -259,11 +277,16 @@ impl Measurement {
     ) -> Result<Self, ExperimentError> {
         let study = &extracted.study;
         Plan::of(study, options)?;
+        if !options.further.metrics().is_empty() {
+            let reason = "further metrics are computed from BRDFs, and these numbers were extracted before".to_owned();
+            return Err(ExperimentError::Unsupported { study: study.name.clone(), reason });
+        }
         extracted.check_whole(&study.name)?;
         extracted.check_versions(&metrics(study)?, &study.name)?;
         let (samples, setup) = (extracted.samples.clone(), extracted.versions.setup.clone());
         let source = format!("--extracted {}.parquet", study.short_name());
-        let numbers = Numbers { study, samples, setup, bank: None, triplets: Err(NOT_EXTRACTED.to_owned()) };
+        let numbers =
+            Numbers { study, samples, setup, bank: None, triplets: Err(NOT_EXTRACTED.to_owned()), further: None };
         Self::measure(numbers, options, purpose, &source, Vec::new(), progress)
     }
 
@@ -275,7 +298,7 @@ impl Measurement {
         warnings: Vec<CacheWarning>,
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
-        let Numbers { study, samples, setup, bank, triplets } = numbers;
+        let Numbers { study, samples, setup, bank, triplets, further } = numbers;
         let compact = samples.select_columns(recipe::uses);
         let mut plan = Plan::with_numbers(study, options, &compact)?;
         if let Err(reason) = &triplets {
@@ -295,7 +318,9 @@ impl Measurement {
         let external = options.scores.as_ref();
         let mut metric_versions = metric_versions(&metrics);
         metric_versions.extend(external.iter().flat_map(|scores| scores.versions()));
-        let info = RunInfo { command, versions, metric_versions, external, variants: options.variants };
+        let further = further.as_ref().map(|samples| (&options.further, samples));
+        metric_versions.extend(options.further.metrics().iter().map(|m| (m.name().to_owned(), m.version().to_owned())));
+        let info = RunInfo { command, versions, metric_versions, external, further, variants: options.variants };
         let bench =
             measure(study, samples, triplets.as_ref().ok(), &plan, &info, &|label| progress(label, Progress::BEGUN))?;
         Ok(Self {
@@ -512,6 +537,7 @@ fn command_line(purpose: Purpose, source: &str, study: &Study, options: &Benchma
     if options.variants {
         line += " --variants";
     }
+    line += &options.further.arguments();
     line.extend(options.scores.as_ref().map(ExternalScores::arguments));
     if options.descriptors != DescriptorOptions::default() {
         line += &format!(" ({setup})");

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "train")]
 pub mod figures;
+pub mod image_metrics;
 pub mod landscape;
 pub mod losses;
 pub mod markdown;

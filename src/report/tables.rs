@@ -75,7 +75,7 @@ impl Table {
     }
 }
 
-const NONE: &str = "-";
+pub(super) const NONE: &str = "-";
 
 /// Agreement of the metrics of the headline, as the last lines of a run show it: on all rows, then, where the study declares sets of
 /// rows, on each of them.
@@ -388,7 +388,7 @@ fn probability(p: f64) -> String {
     if p < 0.001 { "<0.001".to_owned() } else { plain(p) }
 }
 
-fn change(difference: Option<Difference>) -> String {
+pub(super) fn change(difference: Option<Difference>) -> String {
     difference.map_or(NONE.to_owned(), |d| format!("{} {}", signed(d.difference), interval(d.interval, signed)))
 }
 
@@ -396,7 +396,7 @@ fn value(judgement: Option<&Judgement>, figure: Figure) -> String {
     judgement.and_then(|j| j.agreement.get(figure)).map_or(NONE.to_owned(), plain)
 }
 
-fn with_interval(judgement: Option<&Judgement>, figure: Figure) -> String {
+pub(super) fn with_interval(judgement: Option<&Judgement>, figure: Figure) -> String {
     let found = judgement.and_then(|j| Some((j.agreement.get(figure)?, j.intervals.get(figure)?)));
     found.map_or(NONE.to_owned(), |(value, range)| format!("{} {}", plain(value), interval(range, plain)))
 }

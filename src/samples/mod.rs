@@ -7,6 +7,7 @@ pub(crate) mod distances;
 #[cfg(feature = "train")]
 pub mod extracted;
 pub mod extraction;
+pub mod further;
 #[cfg(feature = "train")]
 mod parquet;
 pub mod shard;

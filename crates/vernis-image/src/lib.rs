@@ -4,4 +4,5 @@ pub mod display;
 pub mod metric;
 pub mod picture;
 pub mod scene;
+pub mod stimulus;
 pub mod trace;

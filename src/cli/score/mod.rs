@@ -54,7 +54,7 @@ pub struct ScoreArgs {
 const TOLD: usize = 20;
 
 pub fn run(shared: &Shared, args: ScoreArgs) -> Result<()> {
-    let metrics = args.choice.metrics()?;
+    let metrics = args.choice.metrics(shared)?;
     let to_standard = args.out == Path::new(STANDARD);
     let mut inputs = args.choice.inputs().files((args.pairs != Path::new(STANDARD)).then_some(&args.pairs));
     if !to_standard {

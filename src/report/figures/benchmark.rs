@@ -2,6 +2,7 @@
 //! material, ablation.
 
 use super::curves::{Curves, Learning};
+use super::image_metrics;
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
 use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, legend, observed, round_step, shown};
 use crate::evaluation::agreement::Figure as AgreementFigure;
@@ -38,6 +39,14 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
         ),
         ("lp", lp(record), "Agreement of the Lp distances, with the logistic map fitted on other materials".to_owned()),
         (
+            "image-metrics",
+            image_metrics::bars(record),
+            format!(
+                "Agreement of {subject}, of other metrics on BRDFs, and of metrics on pictures, {}",
+                image_metrics::WORDS
+            ),
+        ),
+        (
             "ablation",
             ablation(record),
             format!(
@@ -73,15 +82,16 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
         );
         figures.push(figure("learning", caption, &learning)?);
     }
-    if let Some(curves) = Curves::of(record) {
-        let metrics: Vec<&str> = record.curves.iter().map(|curve| curve.metric.as_str()).collect();
+    for (name, curves) in [("curves", Curves::of_brdfs(record)), ("image-curves", Curves::of_pictures(record))] {
+        let Some(curves) = curves else { continue };
+        let metrics = curves.metrics();
         let caption = format!(
             "Mean opinion scores against the distances {}, with the logistic curve fitted on these same {}, in sample. One mark per \
              rated pair, by approximation method; the closer to the curve, the better.",
             metrics.join(", "),
             counted(record.rows, "rated pair")
         );
-        figures.push(figure("curves", caption, &curves)?);
+        figures.push(figure(name, caption, &curves)?);
     }
     let strips = Strips::of(record);
     if !strips.materials.is_empty() {
@@ -163,30 +173,30 @@ impl Picture for Scatter<'_> {
 }
 
 /// Two horizontal bars a row, with intervals.
-struct Bars {
-    title: String,
-    rows: Vec<BarRow>,
+pub(super) struct Bars {
+    pub title: String,
+    pub rows: Vec<BarRow>,
     /// The end of the axis.
-    most: f64,
+    pub most: f64,
 }
 
-struct BarRow {
+pub(super) struct BarRow {
     label: String,
     /// Pearson after the logistic map, Spearman.
     bars: [(f64, Interval); 2],
     /// Begins a new group of rows.
-    gap: bool,
+    pub gap: bool,
 }
 
 impl BarRow {
-    fn of(label: String, judgement: Option<&Judgement>, gap: bool) -> Option<Self> {
+    pub fn of(label: String, judgement: Option<&Judgement>, gap: bool) -> Option<Self> {
         let judgement = judgement?;
         let bar = |figure| Some((judgement.agreement.get(figure)?, judgement.intervals.get(figure)?));
         Some(Self { label, bars: [bar(AgreementFigure::Plcc)?, bar(AgreementFigure::Srocc)?], gap })
     }
 }
 
-fn unseen(metric: &MetricRecord) -> Option<&Judgement> {
+pub(super) fn unseen(metric: &MetricRecord) -> Option<&Judgement> {
     metric.judgement(Split::UnseenMaterial, RowSet::All)
 }
 

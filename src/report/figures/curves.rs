@@ -3,9 +3,10 @@
 use super::marks::{Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
 use super::{Axis, TEXT, TITLE, WIDTH, observed, round_step, scored, shown};
 use crate::evaluation::agreement::Figure;
-use crate::evaluation::records::{BenchmarkRecord, CurveRecord, LearningPoint, RowSet, Split};
+use crate::evaluation::records::{BenchmarkRecord, CurveRecord, LearningPoint, MetricKind, RowSet, Split};
 use plotters::prelude::DrawingBackend;
 use std::collections::BTreeSet;
+use vernis_image::stimulus::{Cameras, plain};
 use vernis_metric::math::rating_scale::RatingScale;
 
 /// Panels, two a row, of ratings against distances.
@@ -20,8 +21,24 @@ const PANEL: (f64, f64) = (450.0, 400.0);
 const TOP: f64 = 60.0;
 
 impl<'a> Curves<'a> {
-    pub fn of(record: &'a BenchmarkRecord) -> Option<Self> {
-        let panels: Vec<&CurveRecord> = record.curves.iter().filter(|curve| !curve.points.is_empty()).collect();
+    /// Of distances between BRDFs.
+    pub fn of_brdfs(record: &'a BenchmarkRecord) -> Option<Self> {
+        Self::of(record, |name| record.metric(name).is_none_or(|metric| metric.kind != MetricKind::Image))
+    }
+
+    /// Of distances between pictures by the same camera.
+    pub fn of_pictures(record: &'a BenchmarkRecord) -> Option<Self> {
+        Self::of(record, |name| plain(name).is_some_and(|(_, cameras)| cameras == Cameras::Same))
+    }
+
+    /// The metrics that are shown.
+    pub fn metrics(&self) -> Vec<&str> {
+        self.panels.iter().map(|panel| panel.metric.as_str()).collect()
+    }
+
+    fn of(record: &'a BenchmarkRecord, shown: impl Fn(&str) -> bool) -> Option<Self> {
+        let all = record.curves.iter().filter(|curve| !curve.points.is_empty());
+        let panels: Vec<&CurveRecord> = all.filter(|curve| shown(&curve.metric)).collect();
         let methods: BTreeSet<&str> = panels.iter().flat_map(|c| &c.points).map(|p| p.method.as_str()).collect();
         let title = observed("Ratings and distances", record.synthetic);
         (!panels.is_empty()).then_some(Self {

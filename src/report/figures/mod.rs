@@ -2,6 +2,7 @@
 
 pub mod benchmark;
 mod curves;
+mod image_metrics;
 pub mod landscape;
 mod marks;
 pub mod spectrum;

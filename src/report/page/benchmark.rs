@@ -3,6 +3,7 @@
 use super::{SYNTHETIC, figures_html};
 use crate::evaluation::records::BenchmarkRecord;
 use crate::report::Figure;
+use crate::report::image_metrics;
 use crate::report::markdown::{code, text};
 use crate::report::tables::{self, Table};
 use maud::{Markup, html};
@@ -120,6 +121,7 @@ pub fn title(record: &BenchmarkRecord) -> String {
 
 fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
     vec![
+        ("Metrics on pictures", image_metrics::table(record)),
         ("All metrics", tables::all_metrics(record)),
         ("Differences between metrics", tables::differences(record)),
         ("Which descriptors matter", tables::ablation(record)),

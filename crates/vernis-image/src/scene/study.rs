@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub const MESH: &str = "meshes/happy_vrip_res3.ply";
 /// Where the light of most stimuli is in the data folder.
 pub const PROBE: &str = "envmaps/grace_probe_latlong.hdr";
+/// The study's second light in the data folder.
+pub const SECOND_PROBE: &str = "envmaps/uffizi_spica.hdr";
 /// Columns and rows of a stimulus.
 pub const SIZE: [usize; 2] = [580, 900];
 /// How far the reference's camera is turned, degrees.

@@ -112,6 +112,13 @@ impl BrdfTable {
         Ok(Self { values: values.collect(), azimuths, turn, half, difference, quarter })
     }
 
+    /// All that decides its values.
+    pub fn bytes(&self) -> Vec<u8> {
+        let size = format!("table {} {} {} {}", self.half, self.difference, self.quarter, self.azimuths);
+        let values = self.values.iter().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes);
+        size.into_bytes().into_iter().chain(values).collect()
+    }
+
     fn directions(
         [halves, differences, quarter]: [usize; 3],
         half: usize,

@@ -27,6 +27,7 @@ use sampler::{Sampler, unit};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use thiserror::Error;
+use vernis_metric::brdf::{Brdf, ContentHash};
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::math::Rgb;
 
@@ -74,7 +75,7 @@ impl Tracer {
             table: table.map(|(surface, _)| surface),
             light: Lighting::new(&scene.light, scene.light_scale),
         };
-        Self::on(Arc::new(stage), scene)
+        Self::on(Arc::new(stage), scene, Surface::new(&scene.reflectance)?)
     }
 
     /// The same scene with another BRDF, seen from elsewhere: the trees and tables of the rest are shared.
@@ -82,10 +83,33 @@ impl Tracer {
     /// # Errors
     /// Those of [`Tracer::new`].
     pub fn seen_anew(&self, reflectance: Reflectance, camera: Camera) -> Result<Self, TraceError> {
-        Self::on(self.world.stage.clone(), &Scene { reflectance, camera, ..self.scene.clone() })
+        let surface = Surface::new(&reflectance)?;
+        Self::on(self.world.stage.clone(), &Scene { reflectance, camera, ..self.scene.clone() }, surface)
     }
 
-    fn on(stage: Arc<Stage>, scene: &Scene) -> Result<Self, TraceError> {
+    /// The same for a BRDF that is borrowed. Models of `vernis-metric` are traced as they are; all others are tabulated
+    /// ([`Tracer::tabulation`]).
+    ///
+    /// # Errors
+    /// Those of [`Tracer::new`].
+    pub fn of_brdf(&self, brdf: &dyn Brdf, camera: Camera) -> Result<Self, TraceError> {
+        Self::on(self.world.stage.clone(), &Scene { camera, ..self.scene.clone() }, Surface::of(brdf)?)
+    }
+
+    /// The same BRDF seen from elsewhere.
+    ///
+    /// # Errors
+    /// A camera inside the shape.
+    pub fn seen_by(self, camera: Camera) -> Result<Self, TraceError> {
+        let Self { world, scene, tabulation, .. } = self;
+        Self::on(world.stage, &Scene { camera, ..scene }, (world.shape, tabulation))
+    }
+
+    fn on(
+        stage: Arc<Stage>,
+        scene: &Scene,
+        (shape, tabulation): (Surface, Option<Tabulation>),
+    ) -> Result<Self, TraceError> {
         let from = scene.camera.from;
         let inside = match &scene.shape {
             Shape::Sphere { center, radius } => {
@@ -97,7 +121,6 @@ impl Tracer {
             return Err(TraceError::CameraInside { from });
         }
         let film = scene.film;
-        let (shape, tabulation) = Surface::new(&scene.reflectance)?;
         let vector = |p: [f64; 3]| Vec3A::new(p[0] as f32, p[1] as f32, p[2] as f32);
         let axes = scene.camera.axes();
         let half = (0.5 * scene.camera.fov_deg.to_radians()).tan() as f32;
@@ -111,6 +134,16 @@ impl Tracer {
             rays: AtomicU64::new(0),
             scene: scene.clone(),
         })
+    }
+
+    /// From where it is seen.
+    pub fn camera(&self) -> Camera {
+        self.scene.camera
+    }
+
+    /// SHA-256 of all that a picture depends on of the BRDF of the shape: of a model its parameters, of a table its values.
+    pub fn surface_content(&self) -> ContentHash {
+        self.world.shape.content()
     }
 
     /// How well the BRDF of the shape was tabulated, if it was.

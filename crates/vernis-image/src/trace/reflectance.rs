@@ -12,7 +12,8 @@ use crate::scene::{Reflectance, Wood};
 use glam::Vec3A;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
-use vernis_metric::brdf::Brdf;
+use vernis_metric::brdf::models::{AnalyticBrdf, build};
+use vernis_metric::brdf::{Brdf, ContentHash};
 use vernis_metric::math::Vec3;
 use vernis_metric::math::color::LUMINANCE_REC709;
 
@@ -85,28 +86,61 @@ impl Surface {
     /// # Errors
     /// A BRDF with a value that is not finite, or without any.
     pub fn new(reflectance: &Reflectance) -> Result<(Self, Option<Tabulation>), TraceError> {
-        let brdf = match reflectance {
+        match reflectance {
             Reflectance::Wood(wood) => {
                 let value = Value::Constant(Vec3A::ZERO);
-                return Ok((Self { value, lobe: None, wood: Some(*wood) }, None));
+                Ok((Self { value, lobe: None, wood: Some(*wood) }, None))
             }
-            Reflectance::Brdf(brdf, _) => brdf,
-        };
-        let model = brdf.as_model();
+            Reflectance::Brdf(brdf, _) => Self::made_of(&**brdf, |_| Some(brdf.clone())),
+        }
+    }
+
+    /// The surface of a BRDF that is borrowed: models of this library are built anew from their parameters, others are tabulated.
+    ///
+    /// # Errors
+    /// Those of [`Surface::new`].
+    pub fn of(brdf: &dyn Brdf) -> Result<(Self, Option<Tabulation>), TraceError> {
+        Self::made_of(brdf, |model| Some(build(model.model(), &model.parameters()).ok()? as Arc<dyn Brdf>))
+    }
+
+    /// `owned` gives a model to keep; where it cannot, the model is tabulated.
+    fn made_of(
+        brdf: &dyn Brdf,
+        owned: impl FnOnce(&dyn AnalyticBrdf) -> Option<Arc<dyn Brdf>>,
+    ) -> Result<(Self, Option<Tabulation>), TraceError> {
         let slow = |name: &str| name.split('+').any(|term| SLOW_MODELS.iter().any(|slow| term.starts_with(slow)));
-        let (value, exact) = match model {
+        let exact = match brdf.as_model() {
             Some(model) if model.model() == "lambert" => {
                 let up = Vec3::new(0.0, 0.0, 1.0);
                 let [r, g, b] = brdf.eval(up, up).unwrap_or_default();
-                (Value::Constant(Vec3A::new(r as f32, g as f32, b as f32)), true)
+                Some(Value::Constant(Vec3A::new(r as f32, g as f32, b as f32)))
             }
-            Some(model) if !slow(model.model()) => (Value::Exact(brdf.clone()), true),
-            _ => (Value::Table(BrdfTable::new(&**brdf, SIZE)?), false),
+            Some(model) if !slow(model.model()) => owned(model).map(Value::Exact),
+            _ => None,
+        };
+        let (value, is_exact) = match exact {
+            Some(value) => (value, true),
+            None => (Value::Table(BrdfTable::new(brdf, SIZE)?), false),
         };
         let lobe = if let Value::Constant(_) = value { None } else { Lobe::new(&value) };
         let surface = Self { value, lobe, wood: None };
-        let tabulation = if exact { None } else { Some(surface.compared_to(&**brdf)?) };
+        let tabulation = if is_exact { None } else { Some(surface.compared_to(brdf)?) };
         Ok((surface, tabulation))
+    }
+
+    /// SHA-256 of all that decides how it reflects.
+    pub fn content(&self) -> ContentHash {
+        let mut bytes = match &self.value {
+            Value::Constant(value) => format!("constant {:?}", value.to_array().map(f32::to_bits)).into_bytes(),
+            Value::Exact(brdf) => {
+                let model = brdf.as_model();
+                let parameters = model.map(|m| m.parameters().into_iter().map(f64::to_bits).collect::<Vec<_>>());
+                format!("model {} {parameters:?}", model.map_or("", |m| m.model())).into_bytes()
+            }
+            Value::Table(table) => table.bytes(),
+        };
+        bytes.extend(format!("{:?}", self.wood).bytes());
+        ContentHash::of(&bytes)
     }
 
     /// The error of a table over directions that paths take.
@@ -192,7 +226,6 @@ impl At<'_> {
 mod tests {
     use super::super::brdf_table::{BrdfTable, SIZE};
     use super::*;
-    use vernis_metric::brdf::models::build;
 
     /// A table keeps the energy of a lobe, broad or narrow, and a diffuse part with it.
     #[test]

@@ -6,6 +6,7 @@ mod physics;
 mod reading;
 #[allow(non_snake_case, reason = "scenes have the names of the reference")]
 mod render_golden;
+mod stimulus;
 
 use std::path::PathBuf;
 

@@ -139,8 +139,8 @@ impl Cache {
 
     /// Numbers kept under a key, which names what they are, of what, and in which version.
     pub fn load_values(&self, key: &str) -> Option<Vec<f64>> {
-        let bytes = read_at_most(&self.values_path(key), MOST_BYTES).ok()?;
-        let (numbers, rest) = payload(&bytes, key)?.as_chunks::<8>();
+        let bytes = self.load_bytes(key)?;
+        let (numbers, rest) = bytes.as_chunks::<8>();
         let numbers: Vec<f64> = numbers.iter().map(|b| f64::from_le_bytes(*b)).collect();
         // What is kept was finite.
         (rest.is_empty() && numbers.iter().all(|x| x.is_finite())).then_some(numbers)
@@ -149,7 +149,18 @@ impl Cache {
     /// Keeps numbers under a key.
     pub fn store_values(&self, key: &str, values: &[f64]) -> Result<(), CacheWarning> {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.write(self.values_path(key), key, &bytes)
+        self.store_bytes(key, &bytes)
+    }
+
+    /// What was kept under a key, if it is there and whole.
+    pub fn load_bytes(&self, key: &str) -> Option<Vec<u8>> {
+        let bytes = read_at_most(&self.values_path(key), MOST_BYTES).ok()?;
+        payload(&bytes, key).map(<[u8]>::to_vec)
+    }
+
+    /// Keeps bytes under a key, which names what they are, of what, and in which version; at most 256 MB are read again.
+    pub fn store_bytes(&self, key: &str, bytes: &[u8]) -> Result<(), CacheWarning> {
+        self.write(self.values_path(key), key, bytes)
     }
 
     fn values_path(&self, key: &str) -> PathBuf {

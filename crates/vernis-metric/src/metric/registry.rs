@@ -17,6 +17,8 @@ use std::sync::Arc;
 #[derive(Clone, Default)]
 pub struct Registry {
     metrics: Vec<Arc<dyn Metric>>,
+    /// Groups that were added, by name.
+    groups: Vec<(String, Vec<Arc<dyn Metric>>)>,
 }
 
 /// A name that stands for several metrics.
@@ -63,6 +65,18 @@ impl Registry {
         Ok(())
     }
 
+    /// Adds a name that stands for several metrics, which need not be in the registry themselves.
+    ///
+    /// # Errors
+    /// [`MetricError::NameTaken`] if a metric or another group has the name.
+    pub fn add_group(&mut self, name: &str, metrics: Vec<Arc<dyn Metric>>) -> Result<(), MetricError> {
+        if self.names().any(|known| known == name) {
+            return Err(MetricError::NameTaken { name: name.to_owned() });
+        }
+        self.groups.push((name.to_owned(), metrics));
+        Ok(())
+    }
+
     /// The metric of `file` under a name that none of these has, `NAME@FILE` where one has its name: a file never hides a metric that
     /// is built in, and its numbers never stand under that one's name. A copy of the metric that is built in is that metric.
     pub fn beside(&self, metric: LearnedMetric, file: &Path) -> LearnedMetric {
@@ -82,7 +96,8 @@ impl Registry {
 
     /// Every name that [`Registry::resolve`] understands: groups, then metrics.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        GROUPS.iter().map(|group| group.name).chain(self.metrics.iter().map(|metric| metric.name()))
+        let added = self.groups.iter().map(|(name, _)| name.as_str());
+        GROUPS.iter().map(|group| group.name).chain(added).chain(self.metrics.iter().map(|metric| metric.name()))
     }
 
     /// Whether `name` means a metric, a member of a family or a group here, so that no file may go by it.
@@ -108,6 +123,9 @@ impl Registry {
     /// # Errors
     /// [`MetricError::Unknown`] with the nearest names.
     pub fn resolve(&self, name: &str) -> Result<Vec<Arc<dyn Metric>>, MetricError> {
+        if let Some((_, metrics)) = self.groups.iter().find(|(group, _)| group == name) {
+            return Ok(metrics.clone());
+        }
         match GROUPS.iter().find(|group| group.name == name) {
             Some(group) => Ok(self.metrics.iter().filter(|metric| (group.contains)(metric.name())).cloned().collect()),
             None => Ok(vec![self.get(name)?]),

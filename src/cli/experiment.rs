@@ -45,7 +45,7 @@ enum Question {
     Optimizers(OptimizersArgs),
 }
 
-/// Fit GGX, Ward and Blinn-Phong under six losses, and judge the fits by metrics that were not the loss.
+/// Fit GGX, Ward, Blinn-Phong and principled under ten losses, and judge the fits by metrics that were not the loss.
 #[derive(Args)]
 #[command(after_help = "\
 Each trained metric becomes a file in OUT/metrics, each fit a file in OUT/fits; after an interruption (Ctrl-C, exit code 130;
@@ -65,7 +65,7 @@ pub struct LossesArgs {
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
     /// Number of references to fit, one of each group of sister materials, 2 to 10000.
-    #[arg(long, value_name = "N", default_value_t = 30, value_parser = limits::integer(2..=10_000_usize))]
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = limits::integer(2..=10_000_usize))]
     materials: usize,
     /// Grid on which transport and the energy distance compare, THETA_IxTHETA_OxPHI_D [default: 12x12x48].
     #[arg(long, value_name = "GRID")]
@@ -118,6 +118,7 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
         folds: args.folds,
         resamples: args.resamples,
         seed: args.seed,
+        conditions: workspace::conditions(shared, &[])?,
         compute: !args.report,
     })
 }

@@ -18,7 +18,8 @@ use crate::samples::Samples;
 use crate::samples::split::{Fold, grouped_folds, method_and_group_folds};
 use crate::train::{Trainer, recipe};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use vernis_metric::descriptor::{Cache, DescriptorOptions, Setup};
 use vernis_metric::io::{Observer, Progress};
 
@@ -92,23 +93,14 @@ pub fn versions(
     let (data, cache) = (options.data.as_deref(), options.cache.as_ref());
     let known = study.row_sets()?.into_iter().next();
     let is_known = |method: &str| known.as_ref().is_none_or(|set| set.methods.iter().any(|name| name == method));
-    let first_study =
-        Study { pairs: study.pairs.iter().filter(|pair| is_known(&pair.method)).cloned().collect(), ..study.clone() };
-    let first_setup = Setup::find(FIRST_SETUP, &DescriptorOptions::default())?;
-    let first = extract(&first_study, &first_setup, data, cache, progress)?.samples.select_columns(recipe::uses);
-    let setup = Setup::standard();
-    let all = extract(study, &setup, data, cache, progress)?.samples;
-    let (triplets, no_triplets) = match StudyTriplets::of_study(&study.name, data)? {
-        Ok(found) => (Some(triplet_samples(&found, &setup, data, cache, progress)?.0), None),
-        Err(reason) => (None, Some(reason)),
-    };
-    let second = taken(&all, triplets.as_ref())?;
+    let (first, _) = of_first(study, data, cache, progress)?;
+    let (second, _, no_triplets) = of_second(study, data, cache, progress)?;
     // Both sets of rows stand in the order of the study, so these are the rows of version 1, one by one.
     let judged: Vec<usize> = (0..second.len()).filter(|&row| is_known(&second.rows()[row].method)).collect();
 
     let ratings = Ratings::of(first.rows());
     let resamples = bootstrap::draw(&ratings, options.resamples, options.seed)?;
-    let (of_first, of_second, of_distance) = (recipe::first(), recipe::metric(), recipe::distance());
+    let (first_recipe, second_recipe, distance) = (recipe::first(), recipe::metric(), recipe::distance());
     let mut agreement = Vec::new();
     for split in SPLITS {
         let folds = |samples: &Samples| -> Result<Vec<Fold>, ExperimentError> {
@@ -127,9 +119,9 @@ pub fn versions(
         };
         let bootstrapped = |name: &str, found: &Predictions| Bootstrapped::of(name, &ratings, found, &resamples);
         let names = ["vernis 1", "vernis", "vernis-loss"];
-        let base = bootstrapped(names[0], &out_of_fold(names[0], &first, &of_first)?)?;
+        let base = bootstrapped(names[0], &out_of_fold(names[0], &first, &first_recipe)?)?;
         agreement.push(told(names[0].to_owned(), split, &base, None)?);
-        for (name, trainer) in [(names[1], &of_second as &dyn Trainer), (names[2], &of_distance)] {
+        for (name, trainer) in [(names[1], &second_recipe as &dyn Trainer), (names[2], &distance)] {
             let found = bootstrapped(name, &on_judged(out_of_fold(name, &second, trainer)?))?;
             agreement.push(told(format!("{name} {}", recipe::METRIC_VERSION), split, &found, Some(&base))?);
         }
@@ -145,6 +137,37 @@ pub fn versions(
         seed: options.seed,
         agreement,
     })
+}
+
+/// What version 1 learned from: the rows that it knew, with descriptors of its own, and their setup.
+pub(super) fn of_first(
+    study: &Study,
+    data: Option<&Path>,
+    cache: Option<&Cache>,
+    progress: Observer<'_>,
+) -> Result<(Samples, Arc<Setup>), ExperimentError> {
+    let known = study.row_sets()?.into_iter().next();
+    let is_known = |method: &str| known.as_ref().is_none_or(|set| set.methods.iter().any(|name| name == method));
+    let pairs = study.pairs.iter().filter(|pair| is_known(&pair.method)).cloned().collect();
+    let setup = Setup::find(FIRST_SETUP, &DescriptorOptions::default())?;
+    let extraction = extract(&Study { pairs, ..study.clone() }, &setup, data, cache, progress)?;
+    Ok((extraction.samples.select_columns(recipe::uses), setup))
+}
+
+/// What the metric learns from: every row, and the judged triplets where the study has some; why it has none.
+pub(super) fn of_second(
+    study: &Study,
+    data: Option<&Path>,
+    cache: Option<&Cache>,
+    progress: Observer<'_>,
+) -> Result<(Samples, Arc<Setup>, Option<String>), ExperimentError> {
+    let setup = Setup::standard();
+    let all = extract(study, &setup, data, cache, progress)?.samples;
+    let (triplets, none) = match StudyTriplets::of_study(&study.name, data)? {
+        Ok(found) => (Some(triplet_samples(&found, &setup, data, cache, progress)?.0), None),
+        Err(reason) => (None, Some(reason)),
+    };
+    Ok((taken(&all, triplets.as_ref())?, setup, none))
 }
 
 fn told(

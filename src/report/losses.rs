@@ -28,9 +28,10 @@ pub fn markdown(record: &LossesRecord, command: &str) -> String {
         text += &wins(&title, comparisons).to_markdown();
         text += "\n";
     }
-    if !record.blending.is_empty() {
-        text += "## Blended against learned\n\n";
-        text += &blending(&record.blending).to_markdown();
+    for (blended, parts) in &record.blending {
+        text += &format!("## {}: let in by degrees, or from the first step on\n\n", blended.name());
+        text += &blending(*blended, parts).to_markdown();
+        text += "\n";
     }
     text += "\n## Each model\n\n";
     for (model, comparisons) in &record.by_model {
@@ -83,15 +84,17 @@ fn summary(record: &LossesRecord) -> String {
             _ => format!("* **Most often better than `{}`: {}.**\n", baseline.name(), best.join(" and ")),
         };
     }
-    if let Some((_, comparisons)) = record.blending.first() {
-        for tally in tallies(comparisons).values() {
+    for (blended, parts) in &record.blending {
+        for tally in parts.first().map(|(_, comparisons)| tallies(comparisons)).unwrap_or_default().values() {
             let helps = match (tally.better.len(), tally.worse.len()) {
                 (0, 0) => "makes no difference that these materials can show",
                 (_, 0) => "helps",
                 (0, _) => "harms",
                 _ => "helps by some judges and harms by others",
             };
-            text += &format!("* **Blending {helps}**, against the same search without it: {}.\n", tally.words());
+            let name = blended.name();
+            text +=
+                &format!("* **Blending {helps}** (`{name}`), against the same search without it: {}.\n", tally.words());
         }
     }
     text
@@ -171,28 +174,35 @@ fn wins(title: &str, comparisons: &[Comparison]) -> Table {
 }
 
 /// Judges x models.
-fn blending(parts: &[(String, Vec<Comparison>)]) -> Table {
+fn blending(blended: Loss, parts: &[(String, Vec<Comparison>)]) -> Table {
     let columns = std::iter::once("judge".to_owned()).chain(parts.iter().map(|(model, _)| model.clone())).collect();
     let judges = parts.first().map_or(&[][..], |(_, comparisons)| comparisons);
     let row = |(k, c): (usize, &Comparison)| {
         std::iter::once(c.judge.clone()).chain(parts.iter().filter_map(|(_, all)| all.get(k)).map(cell)).collect()
     };
-    Table { title: "Blended against learned".to_owned(), columns, rows: judges.iter().enumerate().map(row).collect() }
+    Table {
+        title: format!("{} against the loss from the first step on", blended.name()),
+        columns,
+        rows: judges.iter().enumerate().map(row).collect(),
+    }
 }
 
 fn method(record: &LossesRecord) -> String {
     let s = &record.settings;
     let mut text = format!(
         "## How it was made\n\n\
-         * Losses: `D4.Cl`, `D9.Cl` and `D4.Cl.CR` (D4.Cl of cube roots) by Hooke-Jeeves on every {0}th cell along each axis, then \
-         a polish on all cells; `ot` is `{1}` by L-BFGS, on a coarse grid so that a fit takes seconds; `learned` and `blended` are \
-         one learned metric by Hooke-Jeeves with {2} evaluations from a fit under D9.Cl, at once or gradually.\n\
+         * Losses are minimised as `vernis fit` does by default. `D4.Cl`, `D9.Cl` and `D4.Cl.CR` (D4.Cl of cube roots) are searched \
+         on every {0}th cell along each axis, then polished on all cells; `ot` is `{1}` and `energy` is `{5}`, on a coarse grid so that \
+         a fit takes seconds. Of these and of learned losses a search takes at most {2} evaluations. `vernis-1`, `vernis` and \
+         `vernis-loss` are the recipes of the two versions of the metric. `vernis-1` and `vernis` start from a fit under D9.Cl; those \
+         called `-blended` start there as well and are let in by degrees.\n\
          * The learned metric of a material's fits comes from {3} folds by material of {4} and has seen neither the material nor \
-         its sisters. `mos` comes from another metric of the same fold, trained with another seed: it has not seen them either, \
-         but it shares rows and descriptors with the loss, so it favours `learned` and `blended`.\n\
-         * The judge `ot` is the same as the loss `ot`; `energy` is `{5}`. `PROBE.log` and `PROBE.screen` compare pictures of a \
+         its sisters. `mos` comes from another metric of the same fold, trained by the recipe of `vernis` with another seed: it has not \
+         seen them either, but it shares rows and descriptors with the learned losses, so it favours them.\n\
+         * The judges `ot` and `energy` are the same as the losses. `PROBE.log` and `PROBE.screen` compare pictures of a \
          sphere under a light probe in five turns, in an opponent log space (fourth-power mean) and as a screen shows them \
-         (root mean square). The learned metrics use such pictures, but under other lights.\n\
+         (root mean square). The learned metrics use such pictures, but under other lights. `PROBE.ssim` and the like compare rendered \
+         stimuli by the same camera under that probe.\n\
          * Searches that reached their limit of evaluations, of all fits, and the median number of evaluations: ",
         s.coarsening,
         s.transport,

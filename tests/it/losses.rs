@@ -1,17 +1,21 @@
 //! The experiment on losses: metrics that have not seen a material, fits that are judged, runs that go on where they stopped.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Mutex;
 use vernis::dataset::Study;
-use vernis::descriptor::Setup;
+use vernis::descriptor::{DescriptorSet, Setup};
 use vernis::experiment::ExperimentError;
 use vernis::experiment::losses::Loss;
 use vernis::experiment::losses::compare::Verdict;
 use vernis::experiment::losses::record::LossesRecord;
 use vernis::experiment::losses::run::{Experiment, FitRecord, Probe, Settings, materials};
-use vernis::experiment::losses::unseen::{UnseenMetrics, UnseenTraining};
+use vernis::experiment::losses::unseen::{Lesson, Role, UnseenMetrics, UnseenTraining};
+use vernis::image::metric::Conditions;
+use vernis::image::stimulus;
+use vernis::metric::registry::Registry;
 use vernis::report::losses;
+use vernis::samples::extraction::Extractor;
 use vernis::train::kernel::KernelRidge;
 
 /// Those that need no pass over all cells of the Lp metrics.
@@ -63,12 +67,19 @@ fn train(study: &Study, kept: &Kept<'_>) -> UnseenMetrics {
     trained(study, kept, 1).expect("metrics")
 }
 
+/// Those that judge, and those to fit with.
+const ROLES: [Role; 2] = [Role::Judge, Role::Metric];
+
 fn trained(study: &Study, kept: &Kept<'_>, seed: u64) -> Result<UnseenMetrics, ExperimentError> {
+    let (set, setup) = (DescriptorSet::with_norms(), Setup::standard());
+    let extractor = Extractor { set: &set, setup: &setup, metrics: &[], base: None, cache: None, progress: &|_| () };
+    let samples = extractor.extract(study).expect("descriptors").samples;
+    let trainer = KernelRidge::nystroem(8);
+    let lesson =
+        |role| Lesson { role, samples: samples.clone(), setup: setup.clone(), set: set.clone(), trainer: &trainer };
     let training = UnseenTraining {
         study,
-        base: None,
-        cache: None,
-        trainer: &KernelRidge::nystroem(8),
+        lessons: &ROLES.map(lesson),
         folds: 2,
         seed,
         folder: kept.folder,
@@ -88,7 +99,16 @@ fn settings() -> Settings {
         energy: "energy[grid=4x4x8]".to_owned(),
         seed: 1,
         folds: 2,
+        images: BTreeMap::from([("lamps.cielab".to_owned(), images("cielab"))]),
     }
+}
+
+fn images(metric: &str) -> String {
+    format!("stimulus[{metric},light=lamps,shape=sphere,size=16x24,samples=2,bounces=2]")
+}
+
+fn registry() -> Registry {
+    stimulus::registry(None, Conditions::default()).expect("a registry")
 }
 
 #[test]
@@ -99,15 +119,14 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     let unseen = train(&study, &kept);
     assert_eq!(kept.take().len(), 4, "two metrics for each of two folds");
     for pair in &study.pairs {
-        let metrics = unseen.of(&pair.material).expect("a material of the study");
-        let (loss, judge) = (metrics.loss.exported(), metrics.judge.exported());
+        let [judge, loss] = ROLES.map(|role| unseen.of(role, &pair.material).expect("a material").exported());
         for provenance in [&loss.provenance, &judge.provenance] {
             let unseen = provenance.command.strip_prefix("without ").expect("what was left out");
             assert!(unseen.split(", ").any(|group| group == pair.group), "{}: {unseen}", pair.material);
         }
         assert_ne!(loss.provenance.seed, judge.provenance.seed);
     }
-    assert!(unseen.of("m9").is_none());
+    assert!(unseen.of(Role::Judge, "m9").is_none() && unseen.of(Role::Distance, "m1").is_none());
     train(&study, &kept);
     assert_eq!(kept.take().len(), 0, "metrics are kept");
 
@@ -121,6 +140,7 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     let probes = [Probe { name: "lamps".to_owned(), setup: Setup::standard() }];
     let try_run = |unseen: &UnseenMetrics, settings: &Settings, only_kept: bool| {
         let experiment = Experiment {
+            registry: &registry(),
             study: &study,
             settings,
             unseen,
@@ -140,7 +160,7 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     let first = run(&unseen, false);
     assert_eq!(kept.take().len(), 6);
     // A fit that is missing is made again, alone, and is the same.
-    let lost = format!("{}.blinn-phong.blended.json", two[1].0);
+    let lost = format!("{}.blinn-phong.vernis-blended.json", two[1].0);
     std::fs::remove_file(dir.path().join(&lost)).expect("a file of the first run");
     assert_eq!(run(&unseen, true).len(), 1, "of two materials one is finished");
     assert_eq!(run(&unseen, false), first);
@@ -157,15 +177,26 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     let error = trained(&study, &kept, 2).err().expect("of another run").to_string();
     assert!(error.contains(".vernis.json is the result of another run: seed is 1 there and 2 here"), "{error}");
     assert!(kept.take().is_empty());
+    // Other metrics on stimuli judge the kept fits again, and nothing is fitted.
+    let others = BTreeMap::from([("lamps.flip".to_owned(), images("flip"))]);
+    let judged = try_run(&unseen, &Settings { images: others, ..settings.clone() }, false).expect("judged");
+    assert_eq!(kept.take().len(), 6);
+    for (before, after) in first.iter().flatten().zip(judged.iter().flatten()) {
+        assert_eq!(before.fit, after.fit);
+        assert!(after.judged.contains_key("lamps.flip") && !after.judged.contains_key("lamps.cielab"));
+        assert_eq!(before.judged["energy"], after.judged["energy"]);
+    }
+    assert!(run(&unseen, true).is_empty(), "none is judged as asked");
     for record in first.iter().flatten() {
         let judges: Vec<&str> = record.judged.keys().map(String::as_str).collect();
-        assert_eq!(judges, ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl", "energy", "lamps.log", "lamps.screen", "mos", "ot"]);
+        let expected =
+            ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl", "energy", "lamps.cielab", "lamps.log", "lamps.screen", "mos", "ot"];
+        assert_eq!(judges, expected);
         assert!(record.judged.values().all(|v| v.is_finite() && *v >= 0.0));
-        let metrics = unseen.of(&record.material).expect("a material");
-        let expected = match record.loss {
-            Loss::Transport => settings.transport.as_str(),
-            loss if loss.is_learned() => metrics.loss.exported().name.as_str(),
-            loss => loss.name(),
+        let expected = match (record.loss.role(), record.loss) {
+            (Some(role), _) => unseen.of(role, &record.material).expect("a material").exported().name.as_str(),
+            (None, Loss::Transport) => settings.transport.as_str(),
+            (None, loss) => loss.name(),
         };
         assert_eq!(record.fit.metric.name, expected);
         // What the fit minimised and what the judge of that name says are the same number.
@@ -190,7 +221,7 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     assert!((energy.difference.difference + 200.0 / 3.0).abs() < 1e-9, "{energy:?}");
     assert_eq!(energy.verdict, Verdict::Undecided);
     let text = losses::markdown(&record, "vernis experiment losses");
-    for expected in ["## In short", "**Blending ", "| judge | ot | learned | blended |", "\n* Materials: "] {
+    for expected in ["## In short", "**Blending ", "| judge | ot | vernis | vernis-blended |", "\n* Materials: "] {
         assert!(text.contains(expected), "{expected} is missing in\n{text}");
     }
     assert!(LossesRecord::new(&study, &settings, &records[..1], 100).is_err(), "one material has no interval");

@@ -3,14 +3,18 @@
 use super::Loss;
 use super::record::LossesRecord;
 use super::run::{Experiment, Probe, Settings, materials};
-use super::unseen::UnseenTraining;
+use super::unseen::{Lesson, Role, UnseenTraining};
 use crate::dataset::Study;
-use crate::experiment::ExperimentError;
-use crate::train::recipe;
+use crate::experiment::{ExperimentError, versions};
+use crate::train::{Trainer, recipe};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use vernis_metric::descriptor::{Cache, DescriptorOptions, Lights, Setup, ShapeChoice};
+use vernis_image::metric::{Conditions, ImageRegistry};
+use vernis_image::picture::Encoding;
+use vernis_image::stimulus;
+use vernis_metric::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice};
 use vernis_metric::io::{FolderLock, Observer, Progress, write_atomically};
 use vernis_metric::metric::graph::GraphGrid;
 
@@ -18,7 +22,11 @@ use vernis_metric::metric::graph::GraphGrid;
 const PROBES: [(&str, &str); 2] =
     [("grace", "envmaps/grace_probe_latlong.hdr"), ("uffizi", "envmaps/uffizi_spica.hdr")];
 /// The models that are fitted.
-const MODELS: [&str; 3] = ["ggx", "ward-duer", "blinn-phong"];
+const MODELS: [&str; 4] = ["ggx", "ward-duer", "blinn-phong", "principled"];
+/// Metrics on pictures that judge, where they have what they need; one in the place of another that has not.
+const IMAGES: [&str; 6] = ["ssim", "icid", "icid-cielab", "hdr-vdp", "st-lpips-alex", "cielab"];
+/// Samples a pixel and surfaces of a path of the pictures that judge.
+const PICTURES: &str = "samples=32,bounces=4";
 
 /// What is asked, and how.
 #[derive(Debug, Clone)]
@@ -43,6 +51,8 @@ pub struct LossesOptions {
     pub resamples: usize,
     /// Of the order of materials, folds, training and resamples.
     pub seed: u64,
+    /// What metrics on pictures need that is not in the program.
+    pub conditions: Conditions,
     /// Without it, only the materials that are finished already are judged.
     pub compute: bool,
 }
@@ -59,7 +69,18 @@ impl LossesOptions {
             energy: format!("energy[grid={grid}]"),
             seed: self.seed,
             folds: self.folds,
+            images: self.images(),
         }
+    }
+
+    /// The metrics on pictures, under each of the probes.
+    fn images(&self) -> BTreeMap<String, String> {
+        let applicable = ImageRegistry::standard().applicable(Encoding::Srgb, &self.conditions);
+        let named = |name: &&str| applicable.iter().any(|metric| metric.name() == *name);
+        let judges = |name: &'static str| {
+            PROBES.map(|(probe, _)| (format!("{probe}.{name}"), format!("stimulus[{name},light={probe},{PICTURES}]")))
+        };
+        IMAGES.into_iter().filter(named).flat_map(judges).collect()
     }
 }
 
@@ -72,7 +93,7 @@ pub struct Found {
     pub warnings: Vec<String>,
 }
 
-/// Fits GGX, Ward and Blinn-Phong to references of `study` under every [`Loss`], and judges the fits by metrics that were not the
+/// Fits GGX, Ward, Blinn-Phong and `principled` to references of `study` under every [`Loss`], and judges the fits by metrics that were not the
 /// loss.
 ///
 /// # Errors
@@ -95,11 +116,32 @@ pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) ->
     let cache = options.cache.as_ref();
     let unkept = cache.iter().flat_map(|c| probes.iter().filter_map(|p| c.prepare(&p.setup)));
     let warnings = Mutex::new(unkept.map(|warning| warning.to_string()).collect::<Vec<_>>());
+    let data = options.data.as_deref();
+    let (of_first, first_setup) = versions::of_first(study, data, cache, progress)?;
+    let (rows, setup, _) = versions::of_second(study, data, cache, progress)?;
+    let (first, metric, distance) = (recipe::first(), recipe::metric(), recipe::distance());
+    let lesson = |role, trainer| Lesson {
+        role,
+        samples: rows.clone(),
+        setup: setup.clone(),
+        set: recipe::descriptors(),
+        trainer,
+    };
+    let lessons = [
+        lesson(Role::Judge, &metric as &dyn Trainer),
+        lesson(Role::Metric, &metric),
+        lesson(Role::Distance, &distance),
+        Lesson {
+            role: Role::First,
+            samples: of_first,
+            setup: first_setup,
+            set: DescriptorSet::extended(),
+            trainer: &first,
+        },
+    ];
     let unseen = UnseenTraining {
         study,
-        base: options.data.as_deref(),
-        cache,
-        trainer: &recipe::metric(),
+        lessons: &lessons,
         folds: options.folds,
         seed: options.seed,
         folder: &metrics,
@@ -107,7 +149,11 @@ pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) ->
         progress,
     }
     .run()?;
+    let registry = stimulus::registry(data, options.conditions.clone());
+    let registry = registry
+        .map_err(|source| ExperimentError::MetricNamed { name: "the registry".to_owned(), source: Box::new(source) })?;
     let experiment = Experiment {
+        registry: &registry,
         study,
         settings: &settings,
         unseen: &unseen,

@@ -8,8 +8,9 @@ use crate::experiment::ExperimentError;
 use std::collections::BTreeMap;
 use vernis_metric::math::rating_scale::RatingScale;
 
-/// Losses that others are compared with: the study's, and the simplest that knows of relative differences.
-const BASELINES: [Loss; 2] = [Loss::Square, Loss::Logarithm];
+/// Losses that others are compared with: the study's, the simplest that knows of relative differences, and the one that did best with
+/// version 1 of the metric.
+const BASELINES: [Loss; 3] = [Loss::Square, Loss::Logarithm, Loss::CubeRoot];
 
 /// How the searches under a loss ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,8 +48,8 @@ pub struct LossesRecord {
     pub pooled: Vec<(Loss, Vec<Comparison>)>,
     /// Model by model, against the first baseline.
     pub by_model: Vec<(String, Vec<Comparison>)>,
-    /// Blended against learned, if both are there: all models, then each.
-    pub blending: Vec<(String, Vec<Comparison>)>,
+    /// A loss that is let in by degrees against the same from the first step on: all models, then each.
+    pub blending: Vec<(Loss, Vec<(String, Vec<Comparison>)>)>,
     /// One entry a loss.
     pub searches: Vec<Searches>,
 }
@@ -79,9 +80,12 @@ impl LossesRecord {
         };
         let by_model = if losses.contains(&BASELINES[0]) { each(losses, BASELINES[0])? } else { Vec::new() };
         let mut blending = Vec::new();
-        if [Loss::Learned, Loss::Blended].iter().all(|loss| losses.contains(loss)) {
-            blending.push(("all models".to_owned(), against(Loss::Learned, &[Loss::Blended], &models)?));
-            blending.extend(each(&[Loss::Blended], Loss::Learned)?);
+        for (blended, plain) in Loss::BLENDS {
+            if [blended, plain].iter().all(|loss| losses.contains(loss)) {
+                let mut parts = vec![("all models".to_owned(), against(plain, &[blended], &models)?)];
+                parts.extend(each(&[blended], plain)?);
+                blending.push((blended, parts));
+            }
         }
         Ok(Self {
             study: study.name.clone(),

@@ -1,6 +1,6 @@
 //! The fits and what the judges say of them, one file a fit.
 
-use super::unseen::{Unseen, UnseenMetrics};
+use super::unseen::{Role, UnseenMetrics};
 use super::{Loss, OPINION};
 use crate::dataset::Study;
 use crate::evaluation::EvaluationError;
@@ -13,17 +13,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis_metric::brdf::formats::model_json;
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Setup};
 use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting};
 use vernis_metric::io::{Progress, read_at_most, seal, unseal};
 use vernis_metric::math::seed;
+use vernis_metric::metric::learned::LearnedMetric;
 use vernis_metric::metric::lp::{self, LpDistances, LpReference};
 use vernis_metric::metric::registry::Registry;
-use vernis_metric::metric::{Metric, MetricError, PreparedMetric, Side};
+use vernis_metric::metric::{Metric, MetricError, PreparedMetric, PreparedMetrics, Side};
 
 /// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Far more than a fit takes.
 const MOST_BYTES: u64 = 64 << 20;
 /// Lp distances that judge.
@@ -50,6 +52,9 @@ pub struct Settings {
     pub seed: u64,
     /// Folds by material for the learned metrics.
     pub folds: usize,
+    /// Metrics on stimuli that judge, as the registry names them, by the names that they have as judges.
+    #[serde(default)]
+    pub images: BTreeMap<String, String>,
 }
 
 /// A light probe that judges.
@@ -78,6 +83,10 @@ pub struct FitRecord {
     pub fit: FitFile,
     /// By judge.
     pub judged: BTreeMap<String, f64>,
+    /// Name and version of the metrics on stimuli among the judges, by what they are called there. A kept fit is judged again where
+    /// others are asked for.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub images: BTreeMap<String, String>,
 }
 
 /// The experiment.
@@ -90,6 +99,8 @@ pub struct Experiment<'a> {
     pub unseen: &'a UnseenMetrics,
     /// Light probes under which pictures are compared.
     pub probes: &'a [Probe],
+    /// Every metric that the settings name.
+    pub registry: &'a Registry,
     /// Where relative sources are looked up.
     pub base: Option<&'a Path>,
     /// Where files of earlier runs lie.
@@ -129,9 +140,13 @@ impl Experiment<'_> {
         materials: &[(String, BrdfSource)],
         only_kept: bool,
     ) -> Result<Vec<Vec<FitRecord>>, ExperimentError> {
-        let registry = Registry::standard().map_err(|source| self.metric_error("the registry", source))?;
-        let graph = |name: &str| registry.get(name).map_err(|source| self.metric_error(name, source));
-        let graphs = [graph(&self.settings.transport)?, graph(&self.settings.energy)?];
+        let named = |name: &String| self.registry.get(name).map_err(|source| self.metric_error(name, source));
+        let graphs = [named(&self.settings.transport)?, named(&self.settings.energy)?];
+        let images = self.settings.images.values().map(named).collect::<Result<Vec<_>, _>>()?;
+        let told = |(judge, metric): (&String, &Arc<dyn Metric>)| {
+            (judge.clone(), format!("{} version {}", metric.name(), metric.version()))
+        };
+        let image_versions = self.settings.images.keys().zip(&images).map(told).collect();
         let origin = self.origin(&graphs);
         let fingerprint = fingerprint(&origin)?;
         let total = materials.len() * self.settings.models.len() * self.settings.losses.len();
@@ -139,8 +154,9 @@ impl Experiment<'_> {
         let count = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
         let any = Job {
             experiment: self,
-            registry: &registry,
             graphs: &graphs,
+            images: &images,
+            image_versions: &image_versions,
             origin: &origin,
             fingerprint: &fingerprint,
             material: "",
@@ -149,9 +165,11 @@ impl Experiment<'_> {
             materials.iter().map(|(material, _)| Job { material, ..any }.kept()).collect::<Result<Vec<_>, _>>()?;
         let of_material = |((material, source), kept): (&(String, BrdfSource), Vec<Option<FitRecord>>)| {
             let job = Job { material, ..any };
-            match kept.iter().all(Option::is_some) || only_kept {
-                true => Ok(kept.into_iter().collect()),
-                false => job.run(source, kept, &count).map(Some),
+            let is_whole = |kept: &Option<FitRecord>| kept.as_ref().is_some_and(|fit| fit.images == image_versions);
+            match (kept.iter().all(is_whole), only_kept) {
+                (true, _) => Ok(kept.into_iter().collect()),
+                (false, true) => Ok(None),
+                (false, false) => job.run(source, kept, &count).map(Some),
             }
         };
         let all = materials
@@ -168,7 +186,8 @@ impl Experiment<'_> {
 
     /// What the fits belong to: what is asked for, and, as `version of ...`, what computes it.
     fn origin(&self, metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
-        let Settings { models, losses, coarsening, max_evaluations, transport, energy, seed, folds } = self.settings;
+        let Settings { models, losses, coarsening, max_evaluations, transport, energy, seed, folds, .. } =
+            self.settings;
         let probes: Vec<String> = self.probes.iter().map(|p| format!("{} {}", p.name, p.setup.id())).collect();
         let parts = [
             ("study", crate::experiment::sweep::fingerprint(self.study)),
@@ -201,16 +220,19 @@ fn fingerprint(origin: &BTreeMap<String, String>) -> Result<String, ExperimentEr
 #[derive(Clone, Copy)]
 struct Job<'a> {
     experiment: &'a Experiment<'a>,
-    registry: &'a Registry,
     /// Transport, energy.
     graphs: &'a [Arc<dyn Metric>; 2],
+    /// In the order of the settings.
+    images: &'a [Arc<dyn Metric>],
+    /// As [`FitRecord::images`] has them.
+    image_versions: &'a BTreeMap<String, String>,
     origin: &'a BTreeMap<String, String>,
     /// Of `origin`.
     fingerprint: &'a str,
     material: &'a str,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     fn items(&self) -> impl Iterator<Item = (&str, Loss)> {
         let Settings { models, losses, .. } = self.experiment.settings;
         models.iter().flat_map(|model| losses.iter().map(|loss| (model.as_str(), *loss)))
@@ -266,17 +288,14 @@ impl Job<'_> {
         kept: Vec<Option<FitRecord>>,
         count: &dyn Fn(),
     ) -> Result<Vec<FitRecord>, ExperimentError> {
-        let unseen = self.experiment.unseen.of(self.material).ok_or_else(|| EvaluationError::UnknownMetric {
-            name: format!("without {}", self.material),
-            judged: "metrics without a material of the study".to_owned(),
-        })?;
         let reference = source.open(self.experiment.base)?;
-        let judges = Judges::new(&*reference.brdf, self.graphs, unseen, self.experiment.probes);
+        let judges = Judges::new(&*reference.brdf, self, self.unseen(Role::Judge)?);
         let judges = judges.map_err(|source| self.failed(source))?;
         let record = |((model, loss), kept): ((&str, Loss), Option<FitRecord>)| {
             let record = match kept {
-                Some(kept) => kept,
-                None => self.fit(&reference, model, loss, unseen, &judges)?,
+                Some(kept) if kept.images == *self.image_versions => kept,
+                Some(kept) => self.judged_again(kept, &judges)?,
+                None => self.fit(&reference, model, loss, &judges)?,
             };
             count();
             Ok(record)
@@ -289,21 +308,20 @@ impl Job<'_> {
         reference: &OpenBrdf,
         model: &str,
         loss: Loss,
-        unseen: &Unseen,
         judges: &Judges<'_>,
     ) -> Result<FitRecord, ExperimentError> {
         let settings = self.experiment.settings;
-        let metric: Arc<dyn Metric> = match loss {
-            Loss::Learned | Loss::Blended => Arc::new(unseen.loss.clone()),
-            Loss::Transport => self.graphs[0].clone(),
-            lp => self.registry.get(lp.name()).map_err(|source| self.failed(source))?,
+        let metric: Arc<dyn Metric> = match (loss.role(), loss) {
+            (Some(role), _) => Arc::new(self.unseen(role)?.clone()),
+            (None, Loss::Transport) => self.graphs[0].clone(),
+            (None, Loss::Energy) => self.graphs[1].clone(),
+            (None, lp) => self.experiment.registry.get(lp.name()).map_err(|source| self.failed(source))?,
         };
         let default = Fitting::new(model, &*metric);
         let fitting = Fitting {
             start: loss.start(),
             coarsening: settings.coarsening,
             max_evaluations: loss.is_dear().then_some(settings.max_evaluations),
-            method: loss.method(default.method),
             seed: settings.seed,
             ..default
         };
@@ -321,10 +339,40 @@ impl Job<'_> {
             loss,
             fit: FitFile::new(&fitting, &fitted, &reference.notation, &reference.content.to_string()),
             judged: judges.judge(&*fitted.model as &dyn Brdf).map_err(|source| self.failed(source))?,
+            images: self.image_versions.clone(),
         };
+        self.keep(record)
+    }
+
+    /// A kept fit, which other metrics on stimuli judged or none, by those that are asked for.
+    fn judged_again(&self, mut record: FitRecord, judges: &Judges<'_>) -> Result<FitRecord, ExperimentError> {
+        let fit = &record.fit;
+        let file = self.file(&fit.model, record.loss);
+        let model = serde_json::json!({ "model": fit.model, "parameters": fit.parameters });
+        let open = model_json::from_value(&file, &model)?;
+        let found = judges.images(&*open.brdf).map_err(|source| self.failed(source))?;
+        record.judged.retain(|judge, _| !record.images.contains_key(judge));
+        record.judged.extend(found);
+        record.images = self.image_versions.clone();
+        self.keep(record)
+    }
+
+    fn keep(&self, record: FitRecord) -> Result<FitRecord, ExperimentError> {
         let text = seal(&record).map_err(|e| ExperimentError::Write { reason: e.to_string() })?;
-        (self.experiment.write)(&self.file(model, loss), &text)?;
+        (self.experiment.write)(&self.file(&record.fit.model, record.loss), &text)?;
         Ok(record)
+    }
+
+    /// The learned metric of a role that has not seen the material.
+    fn unseen(&self, role: Role) -> Result<&'a LearnedMetric, ExperimentError> {
+        let found = self.experiment.unseen.of(role, self.material);
+        found.ok_or_else(|| {
+            EvaluationError::UnknownMetric {
+                name: format!("without {}", self.material),
+                judged: "metrics without a material of the study".to_owned(),
+            }
+            .into()
+        })
     }
 
     fn failed(&self, source: MetricError) -> ExperimentError {
@@ -337,21 +385,22 @@ impl Job<'_> {
 struct Judges<'a> {
     lp: LpReference,
     graphs: [Box<dyn PreparedMetric>; 2],
-    opinion: (&'a Unseen, BrdfFeatures),
+    opinion: (&'a LearnedMetric, BrdfFeatures),
+    images: PreparedMetrics,
+    /// What the metrics on stimuli are called as judges.
+    image_names: Vec<&'a str>,
     probes: Vec<(&'a Probe, BrdfFeatures)>,
 }
 
 impl<'a> Judges<'a> {
-    fn new(
-        reference: &dyn Brdf,
-        graphs: &[Arc<dyn Metric>; 2],
-        unseen: &'a Unseen,
-        probes: &'a [Probe],
-    ) -> Result<Self, MetricError> {
+    fn new(reference: &dyn Brdf, job: &Job<'a>, judge: &'a LearnedMetric) -> Result<Self, MetricError> {
+        let (graphs, probes) = (job.graphs, job.experiment.probes);
         Ok(Self {
             lp: LpReference::new(reference)?,
             graphs: [graphs[0].prepare(reference)?, graphs[1].prepare(reference)?],
-            opinion: (unseen, unseen.judge.features(reference, Side::Reference)?),
+            opinion: (judge, judge.features(reference, Side::Reference)?),
+            images: PreparedMetrics::new(job.images, reference)?,
+            image_names: job.experiment.settings.images.keys().map(String::as_str).collect(),
             probes: probes
                 .iter()
                 .map(|probe| Ok((probe, features(reference, &probe.setup, Side::Reference)?)))
@@ -371,9 +420,10 @@ impl<'a> Judges<'a> {
         for (name, graph) in ["ot", "energy"].into_iter().zip(&self.graphs) {
             judged.insert(name.to_owned(), graph.distance(candidate)?);
         }
-        let (unseen, reference) = &self.opinion;
-        let score = unseen.judge.score(reference, &unseen.judge.features(candidate, Side::Candidate)?)?;
+        let (judge, reference) = &self.opinion;
+        let score = judge.score(reference, &judge.features(candidate, Side::Candidate)?)?;
         judged.insert(OPINION.to_owned(), score.mos);
+        judged.extend(self.images(candidate)?);
         let set = DescriptorSet::new(vec![Family::Lights, Family::Display]);
         let columns = set.columns();
         for (probe, reference) in &self.probes {
@@ -385,6 +435,14 @@ impl<'a> Judges<'a> {
             }
         }
         Ok(judged)
+    }
+}
+
+impl Judges<'_> {
+    /// What metrics on stimuli say.
+    fn images(&self, candidate: &dyn Brdf) -> Result<BTreeMap<String, f64>, MetricError> {
+        let found = self.images.measure(candidate)?;
+        Ok(self.image_names.iter().zip(found).map(|(name, found)| ((*name).to_owned(), found.value)).collect())
     }
 }
 

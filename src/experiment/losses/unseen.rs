@@ -1,16 +1,15 @@
-//! Learned metrics that have not seen a material: two for each fold of a study, one to fit with and one to judge with.
+//! Learned metrics that have not seen a material: for each fold of a study three to fit with and one to judge with.
 //!
-//! Folds are by group, so that a material and its sisters are held out together. The two metrics of a fold learn from the
-//! same rows, with different seeds: what one of them merely happens to like, the other need not. What both got wrong in the
+//! Folds are by group, so that a material and its sisters are held out together. The judge learns from the same rows as the metric
+//! `vernis` with another seed: what one of them merely happens to like, the other need not. What both got wrong in the
 //! same way remains, because rows and descriptors are the same.
 //!
-//! Cost: two trainings a fold. Metrics are files in a folder, so that a second run trains nothing.
+//! Cost: four trainings a fold. Metrics are files in a folder, so that a second run trains nothing.
 
 use crate::dataset::Study;
 use crate::evaluation::EvaluationError;
 use crate::experiment::ExperimentError;
 use crate::samples::Samples;
-use crate::samples::extraction::Extractor;
 use crate::samples::split::{Fold, grouped_folds};
 use crate::train::export::{self, Export};
 use crate::train::{TrainError, Trainer};
@@ -19,35 +18,72 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use vernis_metric::descriptor::{Cache, DescriptorSet, Setup};
+use vernis_metric::descriptor::{DescriptorSet, Setup};
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::learned::LearnedMetric;
 use vernis_metric::metric::learned::exported::{Descriptors, Interval, Provenance};
 
 /// Of the numbers of these metrics.
-const METRIC_VERSION: &str = "2";
+const METRIC_VERSION: &str = "3";
 /// The seed of the judges is that of the losses and this.
 const JUDGE_SEED: u64 = 1_000_003;
 
-/// The two metrics of a fold.
-pub struct Unseen {
-    /// The metric to fit with.
-    pub loss: LearnedMetric,
-    /// The metric to judge with, trained with another seed.
-    pub judge: LearnedMetric,
+/// What a learned metric is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// Judges the fits: the recipe of `vernis` with another seed.
+    Judge,
+    /// The recipe of version 1, which learned from descriptors and rows of its own.
+    First,
+    /// The recipe of `vernis`.
+    Metric,
+    /// The recipe of `vernis-loss`.
+    Distance,
+}
+
+impl Role {
+    /// As files call it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Judge => "judge",
+            Self::First => "vernis-1",
+            Self::Metric => "vernis",
+            Self::Distance => "vernis-loss",
+        }
+    }
+}
+
+/// What a role learns from, and how.
+pub struct Lesson<'a> {
+    /// What the metric is for.
+    pub role: Role,
+    /// The rows.
+    pub samples: Samples,
+    /// Lights and shape of the descriptors.
+    pub setup: Arc<Setup>,
+    /// The descriptors, the columns of `samples`.
+    pub set: DescriptorSet,
+    /// What learns from the ratings.
+    pub trainer: &'a dyn Trainer,
+}
+
+/// Metrics of one role.
+struct OfRole {
+    fold_of: BTreeMap<String, usize>,
+    folds: Vec<LearnedMetric>,
 }
 
 /// For every material of a study, metrics that have not seen it.
 pub struct UnseenMetrics {
-    fold_of: BTreeMap<String, usize>,
-    folds: Vec<Unseen>,
+    roles: BTreeMap<Role, OfRole>,
 }
 
 impl UnseenMetrics {
-    /// The metrics for a material of the study; `None` for any other.
-    pub fn of(&self, material: &str) -> Option<&Unseen> {
-        self.folds.get(*self.fold_of.get(material)?)
+    /// The metric of a role for a material of the study; `None` for any other, and for a role that was not asked for.
+    pub fn of(&self, role: Role, material: &str) -> Option<&LearnedMetric> {
+        let of_role = self.roles.get(&role)?;
+        of_role.folds.get(*of_role.fold_of.get(material)?)
     }
 }
 
@@ -75,12 +111,8 @@ fn data(provenance: &Provenance) -> String {
 pub struct UnseenTraining<'a> {
     /// The study whose ratings are learned from.
     pub study: &'a Study,
-    /// Where relative sources are looked up.
-    pub base: Option<&'a Path>,
-    /// Without a cache every descriptor is computed.
-    pub cache: Option<&'a Cache>,
-    /// What learns from the ratings.
-    pub trainer: &'a dyn Trainer,
+    /// One a role.
+    pub lessons: &'a [Lesson<'a>],
     /// Number of folds by material group.
     pub folds: usize,
     /// Seed of folds and training.
@@ -89,7 +121,7 @@ pub struct UnseenTraining<'a> {
     pub folder: &'a Path,
     /// Keeps the text of a file under its name in that folder.
     pub write: &'a (dyn Fn(&str, &str) -> Result<(), ExperimentError> + Sync),
-    /// Told how far descriptors and training are.
+    /// Told how far training is.
     pub progress: Observer<'a>,
 }
 
@@ -98,49 +130,43 @@ impl UnseenTraining<'_> {
     ///
     /// # Errors
     /// A metric in the folder that belongs to another study, seed or fold ([`ExperimentError::Kept`]), found before the first
-    /// training; descriptors that cannot be computed, folds that cannot be made, a training that fails, a file that cannot be written.
+    /// training; folds that cannot be made, a training that fails, a file that cannot be written.
     pub fn run(&self) -> Result<UnseenMetrics, ExperimentError> {
-        let setup = Setup::standard();
-        let set = DescriptorSet::with_norms();
-        let samples = self.samples(&set, &setup)?;
-        let folds = grouped_folds(&samples, self.folds, self.seed)?;
-        let mut fold_of = BTreeMap::new();
-        for (index, fold) in folds.iter().enumerate() {
-            fold_of.extend(fold.held_out.rows().iter().map(|row| (row.material.clone(), index)));
+        let folds = |lesson: &Lesson<'_>| grouped_folds(&lesson.samples, self.folds, self.seed);
+        let folds = self.lessons.iter().map(folds).collect::<Result<Vec<_>, _>>()?;
+        let mut jobs = Vec::new();
+        for (lesson, folds) in self.lessons.iter().zip(&folds) {
+            for (index, fold) in folds.iter().enumerate() {
+                let asked = self.asked(lesson, index, fold);
+                jobs.push((lesson, index, fold, self.kept(&asked)?, asked));
+            }
         }
-        let (done, total) = (AtomicUsize::new(0), 2 * folds.len());
-        let jobs: Vec<(usize, bool)> = (0..folds.len()).flat_map(|index| [(index, false), (index, true)]).collect();
-        let find = |&(index, judge): &(usize, bool)| {
-            let asked = self.asked(index, &folds[index], judge, &set, &setup);
-            Ok((index, self.kept(&asked)?, asked))
-        };
-        let found = jobs.iter().map(find).collect::<Result<Vec<_>, ExperimentError>>()?;
-        let metric = |(index, kept, asked): (usize, Option<LearnedMetric>, Asked)| {
+        let (done, total) = (AtomicUsize::new(0), jobs.len());
+        let metric = |(lesson, index, fold, kept, asked): (&Lesson<'_>, usize, &Fold, Option<LearnedMetric>, Asked)| {
             let metric = match kept {
                 Some(kept) => kept,
-                None => self.metric(index, &folds[index], asked, &setup)?,
+                None => self.metric(lesson, index, fold, asked)?,
             };
             (self.progress)("training", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
             Ok(metric)
         };
-        let trained = found.into_par_iter().map(metric).collect::<Result<Vec<_>, ExperimentError>>()?;
-        let mut trained = trained.into_iter();
-        let pairs = std::iter::from_fn(|| Some(Unseen { loss: trained.next()?, judge: trained.next()? }));
-        Ok(UnseenMetrics { fold_of, folds: pairs.collect() })
+        let mut trained = jobs.into_par_iter().map(metric).collect::<Result<Vec<_>, ExperimentError>>()?.into_iter();
+        let mut roles = BTreeMap::new();
+        for (lesson, folds) in self.lessons.iter().zip(&folds) {
+            let held_out = |(index, fold): (usize, &Fold)| {
+                fold.held_out.rows().iter().map(|row| (row.material.clone(), index)).collect::<Vec<_>>()
+            };
+            let fold_of = folds.iter().enumerate().flat_map(held_out).collect();
+            roles.insert(lesson.role, OfRole { fold_of, folds: trained.by_ref().take(folds.len()).collect() });
+        }
+        Ok(UnseenMetrics { roles })
     }
 
-    fn samples(&self, set: &DescriptorSet, setup: &Setup) -> Result<Samples, ExperimentError> {
-        let progress = |p| (self.progress)("descriptors", p);
-        let extractor = Extractor { set, setup, metrics: &[], base: self.base, cache: self.cache, progress: &progress };
-        Ok(extractor.extract(self.study)?.samples)
-    }
-
-    fn asked(&self, index: usize, fold: &Fold, judge: bool, set: &DescriptorSet, setup: &Setup) -> Asked {
-        let role = if judge { "judge" } else { "loss" };
-        let name = format!("{}-fold{index}-{role}", self.trainer.name());
-        let seed = if judge { self.seed.wrapping_add(JUDGE_SEED) } else { self.seed };
+    fn asked(&self, lesson: &Lesson<'_>, index: usize, fold: &Fold) -> Asked {
+        let name = format!("{}-fold{index}", lesson.role.name());
+        let seed = if lesson.role == Role::Judge { self.seed.wrapping_add(JUDGE_SEED) } else { self.seed };
         let provenance = self.provenance(fold, seed);
-        let descriptors = Descriptors { setup: setup.id().to_owned(), set: set.clone() };
+        let descriptors = Descriptors { setup: lesson.setup.id().to_owned(), set: lesson.set.clone() };
         Asked { name, seed, provenance, descriptors }
     }
 
@@ -174,17 +200,17 @@ impl UnseenTraining<'_> {
 
     fn metric(
         &self,
+        lesson: &Lesson<'_>,
         index: usize,
         fold: &Fold,
         asked: Asked,
-        setup: &Arc<Setup>,
     ) -> Result<LearnedMetric, ExperimentError> {
         let (file, Asked { name, seed, provenance, descriptors }) = (asked.file(), asked);
         let failed = |source: TrainError| {
             let training_rows = fold.training.rows().len();
             EvaluationError::Training { metric: name.clone(), fold: index, training_rows, source: Box::new(source) }
         };
-        let model = self.trainer.train(&fold.training, seed).map_err(failed)?;
+        let model = lesson.trainer.train(&fold.training, seed).map_err(failed)?;
         let export = Export {
             name: &name,
             metric_version: METRIC_VERSION,
@@ -195,9 +221,9 @@ impl UnseenTraining<'_> {
             interval: Interval { level: 0.95, factor: 0.0, offset: 0.0 },
             provenance,
         };
-        let exported = export.of(self.trainer.name(), &*model, &[])?;
+        let exported = export.of(lesson.trainer.name(), &*model, &[])?;
         (self.write)(&file, &exported.to_json()?)?;
-        LearnedMetric::new(exported, setup.clone())
+        LearnedMetric::new(exported, lesson.setup.clone())
             .map_err(|e| ExperimentError::MetricNamed { name, source: Box::new(e) })
     }
 

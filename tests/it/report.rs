@@ -59,6 +59,11 @@ fn samples(columns: &[(String, f64)]) -> Samples {
 fn columns() -> Vec<(String, f64)> {
     let mut columns = vec![("vernis".to_owned(), 0.1), ("nested best of 36 Lp".to_owned(), 0.4)];
     columns.push(("mean of the method & <type>".to_owned(), 1.5));
+    for (metric, noise) in [("ssim", 0.5), ("cielab", 0.8)] {
+        for cameras in ["", ",camera=offset", ",camera=offset-minus-hidden"] {
+            columns.push((format!("stimulus[{metric}{cameras}]"), noise));
+        }
+    }
     for d in 1..=9 {
         for (v, variant) in ["", ".Cl", ".CR", ".Cl.CR"].iter().enumerate() {
             columns.push((format!("D{d}{variant}"), 0.9 - 0.05 * d as f64 - 0.1 * v as f64));
@@ -103,6 +108,7 @@ fn make_record() -> BenchmarkRecord {
             "vernis" => MetricKind::Learned,
             name if name.starts_with('D') => MetricKind::Lp,
             name if name.starts_with("nested") => MetricKind::NestedBestLp,
+            name if name.starts_with("stimulus") => MetricKind::Image,
             _ => MetricKind::Trivial,
         };
         let note = if kind == MetricKind::Lp { String::new() } else { format!("{name}, made up") };
@@ -110,7 +116,8 @@ fn make_record() -> BenchmarkRecord {
     };
     let metrics: Vec<JudgedMetric> = columns.iter().map(|(name, _)| judge(name)).collect();
     let headline = ["vernis", "nested best of 36 Lp", "D9.Cl", "D1.Cl.CR", "mean of the method & <type>"];
-    let pairs: Vec<(&str, &str)> = headline[1..].iter().map(|b| ("vernis", *b)).collect();
+    let others = headline[1..].iter().copied().chain(["stimulus[ssim]"]);
+    let pairs: Vec<(&str, &str)> = others.map(|b| ("vernis", b)).collect();
     let subject = cross_validate_distance(&samples, &folds, "vernis").unwrap().predictions;
     let intervals: Vec<Interval> = subject.mos.iter().map(|m| Interval { low: m - 0.3, high: m + 0.3 }).collect();
     let mos: Vec<f64> = samples.rows().iter().map(|r| r.mos).collect();
@@ -132,7 +139,7 @@ fn make_record() -> BenchmarkRecord {
         mos: row.mos,
         mapped: *mapped,
     };
-    let points = samples.rows().iter().zip(mapped.score.iter().zip(&mapped.mos)).map(point).collect();
+    let points: Vec<CurvePoint> = samples.rows().iter().zip(mapped.score.iter().zip(&mapped.mos)).map(point).collect();
     BenchmarkRecord {
         study: "made-up".into(),
         synthetic: false,
@@ -156,7 +163,9 @@ fn make_record() -> BenchmarkRecord {
         ablation: vec![ablation("without lights", 24, 1), ablation("only angular", 14, 2)],
         importance: vec![importance("lights", 18, 1), importance("angular", 14, 7), importance("cxexc", 1, 12)],
         learning_curve: vec![learning(6.0, 1), learning(24.0, 0)],
-        curves: vec![CurveRecord { metric: "D9.Cl".into(), points }],
+        curves: ["D9.Cl", "stimulus[ssim]", "stimulus[ssim,camera=offset]"]
+            .map(|metric| CurveRecord { metric: metric.into(), points: Vec::clone(&points) })
+            .into(),
         residuals: residuals_by_material(samples.rows(), &subject),
         method_residuals: jury.residuals_by_method(&subject, Split::UnseenMaterial),
         calibration: Some(Calibration::of(&mos, &intervals, 0.95).unwrap()),
@@ -228,6 +237,31 @@ fn tables_hold_every_figure() {
 }
 
 /// Small tables say on which rows a figure stands; without sets of rows there are none.
+#[test]
+fn metrics_on_pictures_stand_beside_those_on_brdfs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = report(folder.path(), &record(false));
+    let page = read(&folder, "report.md");
+    let section = page.split("## Metrics on pictures").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
+    let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| ")).collect();
+    assert_eq!(rows.len(), 4, "heading, rule, two metrics: {section}");
+    assert!(rows[0].contains("SROCC, same camera") && rows[0].contains("PLCC, the study's two cameras"), "{}", rows[0]);
+    // The better one first, and only what was compared has a difference.
+    assert!(rows[2].starts_with("| ssim | 0.") && rows[3].starts_with("| cielab | 0."), "{section}");
+    assert!(!rows[2].ends_with("| - |") && rows[3].ends_with("| - |"), "{section}");
+    for figure in ["image-metrics", "image-curves", "curves"] {
+        assert!(page.contains(&format!("![{figure}]({figure}.png)")), "{figure}");
+    }
+    // The headline has metrics on BRDFs alone.
+    assert!(!page.split("![").next().unwrap().contains("stimulus["));
+    let mut without = record(false);
+    without.metrics.retain(|metric| metric.kind != MetricKind::Image);
+    without.curves.retain(|curve| curve.metric == "D9.Cl");
+    let plain = tempfile::tempdir().unwrap();
+    let page = read(&report(plain.path(), &without), "report.md");
+    assert!(!page.contains("Metrics on pictures") && !page.contains("![image-"));
+}
+
 #[test]
 fn sets_of_rows_have_tables_of_their_own() {
     use vernis::report::tables;

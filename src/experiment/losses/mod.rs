@@ -17,6 +17,7 @@
 pub mod compare;
 #[cfg(feature = "train")]
 mod job;
+mod judges;
 pub mod record;
 pub mod run;
 pub mod unseen;

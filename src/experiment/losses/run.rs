@@ -1,7 +1,8 @@
 //! The fits and what the judges say of them, one file a fit.
 
+use super::Loss;
+use super::judges::{Judges, Panel};
 use super::unseen::{Role, UnseenMetrics};
-use super::{Loss, OPINION};
 use crate::dataset::Study;
 use crate::evaluation::EvaluationError;
 use crate::experiment::ExperimentError;
@@ -15,24 +16,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
-use vernis_metric::descriptor::{BrdfFeatures, DescriptorError, DescriptorSet, Family, Setup};
+use vernis_metric::descriptor::Setup;
 use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting};
 use vernis_metric::io::{Progress, read_at_most, seal, unseal};
 use vernis_metric::math::seed;
 use vernis_metric::metric::learned::LearnedMetric;
-use vernis_metric::metric::lp::{self, LpDistances, LpReference};
+use vernis_metric::metric::lp;
 use vernis_metric::metric::registry::Registry;
-use vernis_metric::metric::{Metric, MetricError, PreparedMetric, PreparedMetrics, Side};
+use vernis_metric::metric::{Metric, MetricError};
 
 /// Of the files of fits; metrics and fits have versions of their own, which the fingerprint of the settings holds.
 const VERSION: u32 = 5;
 /// Far more than a fit takes.
 const MOST_BYTES: u64 = 64 << 20;
-/// Lp distances that judge.
-const LP: [&str; 4] = ["D1", "D4.Cl", "D4.Cl.CR", "D9.Cl"];
-/// What is taken of the pictures under a probe: the ending of the judge's name, and the descriptor.
-const PICTURES: [(&str, &str); 2] = [("log", "lights.dE4"), ("screen", "display.lamps.rms")];
-
 /// What decides the numbers, besides the data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
@@ -289,7 +285,13 @@ impl<'a> Job<'a> {
         count: &dyn Fn(),
     ) -> Result<Vec<FitRecord>, ExperimentError> {
         let reference = source.open(self.experiment.base)?;
-        let judges = Judges::new(&*reference.brdf, self, self.unseen(Role::Judge)?);
+        let panel = Panel {
+            graphs: self.graphs,
+            opinion: self.unseen(Role::Judge)?,
+            images: (self.images, self.experiment.settings.images.keys().map(String::as_str).collect()),
+            probes: self.experiment.probes,
+        };
+        let judges = Judges::new(&*reference.brdf, panel);
         let judges = judges.map_err(|source| self.failed(source))?;
         let record = |((model, loss), kept): ((&str, Loss), Option<FitRecord>)| {
             let record = match kept {
@@ -379,74 +381,4 @@ impl<'a> Job<'a> {
         let (reference, candidate) = (self.material.to_owned(), "a fit of it".to_owned());
         ExperimentError::Metric { reference, candidate, source: Box::new(source) }
     }
-}
-
-/// The judges, their reference fixed.
-struct Judges<'a> {
-    lp: LpReference,
-    graphs: [Box<dyn PreparedMetric>; 2],
-    opinion: (&'a LearnedMetric, BrdfFeatures),
-    images: PreparedMetrics,
-    /// What the metrics on stimuli are called as judges.
-    image_names: Vec<&'a str>,
-    probes: Vec<(&'a Probe, BrdfFeatures)>,
-}
-
-impl<'a> Judges<'a> {
-    fn new(reference: &dyn Brdf, job: &Job<'a>, judge: &'a LearnedMetric) -> Result<Self, MetricError> {
-        let (graphs, probes) = (job.graphs, job.experiment.probes);
-        Ok(Self {
-            lp: LpReference::new(reference)?,
-            graphs: [graphs[0].prepare(reference)?, graphs[1].prepare(reference)?],
-            opinion: (judge, judge.features(reference, Side::Reference)?),
-            images: PreparedMetrics::new(job.images, reference)?,
-            image_names: job.experiment.settings.images.keys().map(String::as_str).collect(),
-            probes: probes
-                .iter()
-                .map(|probe| Ok((probe, features(reference, &probe.setup, Side::Reference)?)))
-                .collect::<Result<_, MetricError>>()?,
-        })
-    }
-
-    fn judge(&self, candidate: &dyn Brdf) -> Result<BTreeMap<String, f64>, MetricError> {
-        let mut judged = BTreeMap::new();
-        let distances = LpDistances::of_study_from(&self.lp, candidate)?;
-        for name in LP {
-            let distance = distances
-                .by_name(name)
-                .map_err(|e| MetricError::NotComputed { metric: name.to_owned(), reason: e.to_string() })?;
-            judged.insert(name.to_owned(), distance);
-        }
-        for (name, graph) in ["ot", "energy"].into_iter().zip(&self.graphs) {
-            judged.insert(name.to_owned(), graph.distance(candidate)?);
-        }
-        let (judge, reference) = &self.opinion;
-        let score = judge.score(reference, &judge.features(candidate, Side::Candidate)?)?;
-        judged.insert(OPINION.to_owned(), score.mos);
-        judged.extend(self.images(candidate)?);
-        let set = DescriptorSet::new(vec![Family::Lights, Family::Display]);
-        let columns = set.columns();
-        for (probe, reference) in &self.probes {
-            let candidate = features(candidate, &probe.setup, Side::Candidate)?;
-            let values = set.compare(reference, &candidate, &probe.setup);
-            for (ending, descriptor) in PICTURES {
-                let found = columns.iter().zip(&values).filter(|(column, _)| column.name == descriptor);
-                judged.extend(found.map(|(_, value)| (format!("{}.{ending}", probe.name), *value)));
-            }
-        }
-        Ok(judged)
-    }
-}
-
-impl Judges<'_> {
-    /// What metrics on stimuli say.
-    fn images(&self, candidate: &dyn Brdf) -> Result<BTreeMap<String, f64>, MetricError> {
-        let found = self.images.measure(candidate)?;
-        Ok(self.image_names.iter().zip(found).map(|(name, found)| ((*name).to_owned(), found.value)).collect())
-    }
-}
-
-fn features(brdf: &dyn Brdf, setup: &Setup, side: Side) -> Result<BrdfFeatures, MetricError> {
-    BrdfFeatures::compute(brdf, setup)
-        .map_err(|e: DescriptorError| MetricError::Unusable { side, reason: e.to_string() })
 }

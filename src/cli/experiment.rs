@@ -6,6 +6,7 @@ use super::landscape::{self, LandscapeArgs};
 use super::optimizers::{self, OptimizersArgs};
 use super::output::{self, Inputs, Replace};
 use super::progress::Bar;
+use super::rendering::{self, RenderingArgs};
 use super::scale::ScaleArgs;
 use super::{Shared, cells, limits, print, signals, user_error, workspace};
 use crate::dataset::{Study, manifest};
@@ -43,6 +44,8 @@ enum Question {
     Versions(VersionsArgs),
     /// What does a gradient spare in a fit?
     Optimizers(OptimizersArgs),
+    /// How much of a distance between stimuli is the noise of rendering?
+    Rendering(RenderingArgs),
 }
 
 /// Fit GGX, Ward, Blinn-Phong and principled under ten losses, and judge the fits by metrics that were not the loss.
@@ -102,6 +105,7 @@ pub fn run(shared: &Shared, args: ExperimentArgs) -> Result<()> {
         Question::Landscape(args) => landscape::run(shared, &args),
         Question::Versions(args) => claims::versions(shared, &args),
         Question::Optimizers(args) => optimizers::run(shared, &args),
+        Question::Rendering(args) => rendering::run(shared, &args),
     }
 }
 

@@ -30,6 +30,8 @@ mod plausible;
 mod progress;
 mod refit;
 mod render;
+#[cfg(feature = "train")]
+mod rendering;
 mod report;
 mod scale;
 mod score;

@@ -20,6 +20,7 @@ pub mod plan;
 #[cfg(feature = "train")]
 pub mod rebuilt;
 pub mod refit;
+pub mod rendering;
 pub mod stimuli;
 pub mod sweep;
 #[cfg(feature = "train")]

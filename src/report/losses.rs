@@ -191,7 +191,7 @@ fn method(record: &LossesRecord) -> String {
     let s = &record.settings;
     let mut text = format!(
         "## How it was made\n\n\
-         * Losses are minimised as `vernis fit` does by default. `D4.Cl`, `D9.Cl` and `D4.Cl.CR` (D4.Cl of cube roots) are searched \
+         * Losses are minimised as `vernis fit` does by default, `ot` and `energy` by L-BFGS. `D4.Cl`, `D9.Cl` and `D4.Cl.CR` (D4.Cl of cube roots) are searched \
          on every {0}th cell along each axis, then polished on all cells; `ot` is `{1}` and `energy` is `{5}`, on a coarse grid so that \
          a fit takes seconds. Of these and of learned losses a search takes at most {2} evaluations. `vernis-1`, `vernis` and \
          `vernis-loss` are the recipes of the two versions of the metric. `vernis-1` and `vernis` start from a fit under D9.Cl; those \

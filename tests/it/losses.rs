@@ -67,8 +67,8 @@ fn train(study: &Study, kept: &Kept<'_>) -> UnseenMetrics {
     trained(study, kept, 1).expect("metrics")
 }
 
-/// Those that judge, and those to fit with.
-const ROLES: [Role; 2] = [Role::Judge, Role::Metric];
+/// Those to fit with, and those that judge.
+const ROLES: [Role; 2] = [Role::Metric, Role::Judge];
 
 fn trained(study: &Study, kept: &Kept<'_>, seed: u64) -> Result<UnseenMetrics, ExperimentError> {
     let (set, setup) = (DescriptorSet::with_norms(), Setup::standard());
@@ -119,7 +119,7 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     let unseen = train(&study, &kept);
     assert_eq!(kept.take().len(), 4, "two metrics for each of two folds");
     for pair in &study.pairs {
-        let [judge, loss] = ROLES.map(|role| unseen.of(role, &pair.material).expect("a material").exported());
+        let [loss, judge] = ROLES.map(|role| unseen.of(role, &pair.material).expect("a material").exported());
         for provenance in [&loss.provenance, &judge.provenance] {
             let unseen = provenance.command.strip_prefix("without ").expect("what was left out");
             assert!(unseen.split(", ").any(|group| group == pair.group), "{}: {unseen}", pair.material);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// A package, the folder of its library, and its rooms, top to bottom.
 const PACKAGES: [(&str, &str, &[&str]); 3] = [
     ("vernis-metric", "crates/vernis-metric/src", &["math", "io", "brdf", "light", "descriptor", "metric", "fit"]),
-    ("vernis-image", "crates/vernis-image/src", &["picture", "scene", "trace", "display", "metric"]),
+    ("vernis-image", "crates/vernis-image/src", &["picture", "scene", "trace", "display", "metric", "stimulus"]),
     ("vernis", "src", &["dataset", "samples", "train", "evaluation", "experiment", "panel", "report", "cli"]),
 ];
 

@@ -28,6 +28,7 @@ pub use job::{Found, LossesOptions, losses};
 use serde::{Deserialize, Serialize};
 use unseen::Role;
 use vernis_metric::fit::Start;
+use vernis_metric::fit::optimizer::Method;
 
 /// What a fit minimises, and from where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -103,6 +104,11 @@ impl Loss {
     /// Whether an evaluation is so dear that their number is a setting.
     fn is_dear(self) -> bool {
         self.role().is_some() || matches!(self, Self::Transport | Self::Energy)
+    }
+
+    /// L-BFGS for the distances between graphs, where a gradient spares nine tenths of the evaluations, which are dear; else `default`.
+    fn method(self, default: Method) -> Method {
+        if matches!(self, Self::Transport | Self::Energy) { Method::Lbfgs } else { default }
     }
 
     /// `None`: as a fit under the metric begins by default.

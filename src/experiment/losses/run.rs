@@ -323,6 +323,7 @@ impl<'a> Job<'a> {
         let fitting = Fitting {
             start: loss.start(),
             coarsening: settings.coarsening,
+            method: loss.method(default.method),
             max_evaluations: loss.is_dear().then_some(settings.max_evaluations),
             seed: settings.seed,
             ..default

@@ -11,6 +11,8 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use vernis::image::metric::Conditions;
+use vernis::image::stimulus;
 use vernis_metric::descriptor::Cache;
 use vernis_metric::io::Progress;
 use vernis_metric::metric::learned::{FAMILY, LearnedMetric};
@@ -29,6 +31,12 @@ pub struct Metric {
     pub metric: Arc<dyn metric::Metric>,
 }
 
+/// Every metric, those on stimuli among them, which look for mesh and probes in the folder of the variable VERNIS_DATA.
+pub fn registry() -> Result<Registry, Fault> {
+    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    Ok(stimulus::registry(folder("VERNIS_DATA").as_deref(), Conditions::default())?)
+}
+
 #[pymethods]
 impl Metric {
     /// By name, or from the file of an exported metric. What learned metrics need is taken from `cache`, or made and kept there; what
@@ -36,14 +44,14 @@ impl Metric {
     #[staticmethod]
     fn named(py: Python<'_>, name: &str, cache: Option<PathBuf>) -> Result<(Self, Vec<String>), Fault> {
         short(py, || {
-            let registry = Registry::standard()?;
+            let registry = registry()?;
             let metric: Arc<dyn metric::Metric> = if name.ends_with(".json") {
                 Arc::new(registry.beside(LearnedMetric::load(Path::new(name))?, Path::new(name)))
             } else {
                 registry.get(name)?
             };
             let mut warnings = Vec::new();
-            if let Some(folder) = cache.filter(|_| metric.properties().family == FAMILY) {
+            if let Some(folder) = cache.filter(|_| [FAMILY, stimulus::FAMILY].contains(&metric.properties().family)) {
                 match Cache::open(&folder) {
                     Ok(cache) => warnings.extend(metric.warm_up(&cache).map(|warning| warning.to_string())),
                     Err(error) => warnings.push(format!("{error}; going on without a cache")),
@@ -211,7 +219,7 @@ impl Prepared {
 /// What is to be known of every metric that has a name.
 #[pyfunction]
 pub fn metrics(py: Python<'_>) -> Result<Vec<Bound<'_, PyDict>>, Fault> {
-    let registry = Registry::standard()?;
+    let registry = registry()?;
     Ok(registry.iter().map(|metric| properties(py, &**metric)).collect::<PyResult<_>>()?)
 }
 
@@ -225,7 +233,7 @@ pub fn cache_folder() -> PathBuf {
 /// The names behind `name`: itself, or the members of a group such as `all-lp`.
 #[pyfunction]
 pub fn resolve(name: &str) -> Result<Vec<String>, Fault> {
-    Ok(Registry::standard()?.resolve(name)?.iter().map(|metric| metric.name().to_owned()).collect())
+    Ok(registry()?.resolve(name)?.iter().map(|metric| metric.name().to_owned()).collect())
 }
 
 /// Candidates of one reference, with their places among the pairs.

@@ -2,11 +2,13 @@
 
 use crate::compute::long;
 use crate::fault::Fault;
+use crate::metric::registry;
 use pyo3::prelude::*;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use vernis::dataset::Study;
 use vernis::evaluation::records::BenchmarkRecord;
+use vernis::experiment::further::Further;
 use vernis::experiment::train::{Stage, loss_name, metric_file, metric_name};
 use vernis::experiment::{BenchmarkOptions, Measurement, Purpose};
 use vernis::report::{self, OutputFolder, pictures, tables, write_benchmark, write_numbers};
@@ -25,6 +27,7 @@ pub struct Options {
     resamples: usize,
     seed: u64,
     variants: bool,
+    metrics: Vec<String>,
 }
 
 impl Options {
@@ -32,7 +35,9 @@ impl Options {
         Ok(Study::load(&self.study, self.data.as_deref())?)
     }
 
-    fn benchmark(&self, warnings: &mut Vec<String>) -> BenchmarkOptions {
+    fn benchmark(&self, study: &Study, warnings: &mut Vec<String>) -> Result<BenchmarkOptions, Fault> {
+        let registry = registry()?;
+        let further = self.metrics.iter().map(|name| registry.resolve(name)).collect::<Result<Vec<_>, _>>()?.concat();
         let cache = self.cache.as_deref().and_then(|folder| match Cache::open(folder) {
             Ok(cache) => Some(cache),
             Err(error) => {
@@ -40,7 +45,8 @@ impl Options {
                 None
             }
         });
-        BenchmarkOptions {
+        Ok(BenchmarkOptions {
+            further: Further::new(further, study)?,
             data: self.data.clone(),
             cache,
             folds: self.folds,
@@ -48,7 +54,7 @@ impl Options {
             seed: self.seed,
             variants: self.variants,
             ..BenchmarkOptions::default()
-        }
+        })
     }
 }
 
@@ -84,7 +90,7 @@ pub fn train(py: Python<'_>, options: Options, out: PathBuf, progress: Option<Py
         let mut warnings = Vec::new();
         let study = options.study()?;
         let name = options.name.clone().unwrap_or_else(|| metric_name(&study));
-        let how = options.benchmark(&mut warnings);
+        let how = options.benchmark(&study, &mut warnings)?;
         // Found unwritable before the work, not after it.
         let folder = OutputFolder::claim(out)?;
         spare(&options.study, &folder)?;
@@ -148,7 +154,7 @@ pub fn benchmark(py: Python<'_>, options: Options, progress: Option<Py<PyAny>>) 
     long(py, progress.as_ref(), |observer, _| {
         let mut warnings = Vec::new();
         let study = options.study()?;
-        let record = vernis::experiment::benchmark(&study, &options.benchmark(&mut warnings), observer)?;
+        let record = vernis::experiment::benchmark(&study, &options.benchmark(&study, &mut warnings)?, observer)?;
         measured(&record, warnings)
     })
 }

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,7 @@ def train(
     resamples: int = 2000,
     seed: int = 1,
     variants: bool = False,
+    metrics: Iterable[str] = (),
     data: Any = None,
     progress: ProgressLike = None,
 ) -> Trained:
@@ -112,6 +114,9 @@ def train(
         The same seed gives the same bytes.
     variants : bool
         Also judge the metric with one part changed.
+    metrics : several str
+        Names of further metrics that are judged as well: members of the families of distances, or ``"stimulus[ssim]"`` and the like on
+        rendered pictures; ``"all-stimulus"`` stands for all of these. None that was learned from ratings.
     data : path, optional
         The data folder; by default that of the variable ``VERNIS_DATA``.
     progress : bool or callable, optional
@@ -121,7 +126,7 @@ def train(
     -------
     Trained
     """
-    options = _options(study, _free(name), folds, resamples, seed, variants, data)
+    options = _options(study, _free(name), folds, resamples, seed, variants, metrics, data)
     with reporter(progress) as report:
         found = _vernis.train(options, os.fspath(out), report)
     return Trained(Path(found.metric), Path(found.loss), Path(found.report), Benchmark(*found.measured))
@@ -134,12 +139,13 @@ def benchmark(
     resamples: int = 2000,
     seed: int = 1,
     variants: bool = False,
+    metrics: Iterable[str] = (),
     data: Any = None,
     progress: ProgressLike = None,
 ) -> Benchmark:
     """Measures all metrics on a study under nested cross-validation, without exporting one. Parameters as for `train`."""
     with reporter(progress) as report:
-        return Benchmark(*_vernis.benchmark(_options(study, None, folds, resamples, seed, variants, data), report))
+        return Benchmark(*_vernis.benchmark(_options(study, None, folds, resamples, seed, variants, metrics, data), report))
 
 
 def _free(name: str | None) -> str | None:
@@ -159,8 +165,16 @@ def _free(name: str | None) -> str | None:
     return name
 
 
+def _names(metrics: Iterable[str]) -> list[str]:
+    """Those names, checked; a single one is no list."""
+    names = [] if isinstance(metrics, (str, bytes)) else list(metrics)
+    if isinstance(metrics, (str, bytes)) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"metrics is {metrics!r}; it must be a list of names, such as ['stimulus[ssim]']")
+    return names
+
+
 def _options(
-    study: Any, name: str | None, folds: int | None, resamples: int, seed: int, variants: bool, data: Any
+    study: Any, name: str | None, folds: int | None, resamples: int, seed: int, variants: bool, metrics: Iterable[str], data: Any
 ) -> dict[str, Any]:
     folder = data_folder(data)
     if study is None:
@@ -179,4 +193,5 @@ def _options(
         "resamples": _whole(resamples, "resamples", 40, 20000),
         "seed": _whole(seed, "seed", 0, 2**64 - 1),
         "variants": bool(variants),
+        "metrics": _names(metrics),
     }

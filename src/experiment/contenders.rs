@@ -19,6 +19,7 @@ use crate::train::trivial::MeanOf;
 use crate::train::{Trainer, recipe};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use vernis_image::stimulus::{self, Cameras, plain};
 use vernis_metric::descriptor::Column;
 use vernis_metric::descriptor::Family;
 use vernis_metric::math::rating_scale::RatingScale;
@@ -54,6 +55,8 @@ pub struct StudyBenchmark {
     bench: Bench,
     /// The columns of [`crate::samples::extraction`].
     samples: Samples,
+    /// Distances between pictures by the same camera, where some were asked for.
+    images: Option<Samples>,
 }
 
 /// What the record says of the run.
@@ -215,7 +218,10 @@ pub fn measure(
         headline,
         left_out,
     };
-    Ok(StudyBenchmark { record, interval, loss_interval, bench, samples })
+    let by_one_camera = |c: &Column| plain(&c.name).is_some_and(|(_, cameras)| cameras == Cameras::Same);
+    let images = info.further.map(|(_, distances)| distances.select_columns(by_one_camera));
+    let images = images.filter(|distances| !distances.columns().is_empty());
+    Ok(StudyBenchmark { record, interval, loss_interval, bench, samples, images })
 }
 
 impl StudyBenchmark {
@@ -238,6 +244,13 @@ impl StudyBenchmark {
         }
         let mut cases = ablation_cases(&self.samples, self.bench.protocol())?;
         let compact = self.samples.select_columns(recipe::uses);
+        if let Some(images) = &self.images {
+            let with = format!("with {}", stimulus::FAMILY);
+            cases.push(AblationCase::new(&with, compact.beside(images)?, self.bench.protocol())?);
+            let only = format!("{} and context only", stimulus::FAMILY);
+            let context = compact.select_columns(|c| c.family == Family::Context.name());
+            cases.push(AblationCase::new(&only, context.beside(images)?, self.bench.protocol())?);
+        }
         for &learner in learners {
             stage(&format!("embeddings: {}", learner.name()));
             match embedded(&compact, learner) {

@@ -17,7 +17,7 @@ mod workers;
 
 use crate::dataset::opinions::REFERENCE;
 use crate::dataset::{Basis, Identical, Row};
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use triplets::TripletSamples;
@@ -209,6 +209,19 @@ impl Samples {
         Self { rows, features, swapped: None, ..self.clone() }
     }
 
+    /// With the columns of `other`, which are of the same rows, after these. Exchanged pairs and triplets are left out.
+    ///
+    /// # Errors
+    /// Another number of rows; a column of the same name.
+    pub fn beside(&self, other: &Self) -> Result<Self, SamplesError> {
+        let (found, expected) = (other.len(), self.len());
+        let shape = |_| SamplesError::Shape { what: "rows beside others", found, expected };
+        let features = concatenate(Axis(1), &[self.features.view(), other.features.view()]).map_err(shape)?;
+        let columns = self.columns.iter().chain(&other.columns).cloned().collect();
+        let (identical, assumed) = (self.identical.clone(), self.assumed.clone());
+        Ok(Self { identical, assumed, ..Self::new(columns, self.rows.clone(), features)? })
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.rows.len()
@@ -293,6 +306,16 @@ fn check_row(index: usize, row: &Row) -> Result<(), SamplesError> {
 mod tests {
     use super::*;
     use ndarray::array;
+
+    #[test]
+    fn columns_stand_beside_others() {
+        let column = |name: &str| Column { name: name.into(), family: "made-up".into(), role: Role::Difference };
+        let rows = || vec![row("a", "a"), row("b", "b")];
+        let one = Samples::new(vec![column("x")], rows(), array![[1.0], [2.0]]).unwrap();
+        let other = Samples::new(vec![column("y")], rows(), array![[3.0], [4.0]]).unwrap();
+        assert_eq!(one.beside(&other).unwrap().features(), array![[1.0, 3.0], [2.0, 4.0]]);
+        assert!(one.beside(&one).is_err() && one.beside(&other.select_rows(&[0])).is_err());
+    }
 
     fn row(material: &str, group: &str) -> Row {
         Row {

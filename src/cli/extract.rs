@@ -5,8 +5,10 @@ use super::progress::Bar;
 use super::study_input::StudyInput;
 use super::{Shared, print, signals, user_error, workspace};
 use crate::dataset::Study;
+use crate::experiment::further::Further;
 use crate::experiment::train;
 use crate::samples::extracted::{ExtractedStudy, Versions};
+use crate::samples::further::further;
 use crate::samples::shard::Shard;
 use anyhow::Result;
 use clap::Args;
@@ -25,13 +27,19 @@ Examples:
   vernis extract --study lavoue2021 --data ~/brdf-data --out out/whole
   vernis extract --study lavoue2021 --data ~/brdf-data --shard 3/8 --out shards
   vernis merge shards/*.parquet --out lavoue2021.parquet
-  vernis train --extracted lavoue2021.parquet")]
+  vernis train --extracted lavoue2021.parquet
+  vernis extract --study lavoue2021-open --data ~/brdf-data --shard 1/4 --metric all-stimulus --cache /shared/cache")]
 pub struct ExtractArgs {
     #[command(flatten)]
     input: StudyInput,
     /// Only every COUNT-th reference with its candidates, from the NUMBER-th on, to share the work between machines.
     #[arg(long, value_name = "NUMBER/COUNT", default_value = "1/1")]
     shard: Shard,
+    /// Also compute the distances of a further metric, such as all-stimulus, and keep them in the cache; may be given several times. The
+    /// file does not hold them: `vernis benchmark --metric` with the same --cache finds them there, so that machines which share a cache
+    /// folder share the rendering.
+    #[arg(long = "metric", short = 'm', value_name = "NAME")]
+    metrics: Vec<String>,
     /// Folder for the file STUDY.parquet or STUDY-NUMBER-of-COUNT.parquet [default: out/STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -57,6 +65,13 @@ pub struct MergeArgs {
 
 pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
     let study = args.input.study(shared)?;
+    let further_metrics = match args.metrics.is_empty() {
+        true => Further::default(),
+        false => {
+            let metrics = workspace::metrics(shared, &args.metrics, &args.input.view.options())?;
+            Further::new(metrics, &study).map_err(workspace::experiment_error)?
+        }
+    };
     let setup = Setup::new(&args.input.view.options()).map_err(user_error)?;
     let places = args.shard.places(&study);
     let short = study.short_name();
@@ -68,6 +83,9 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
     let default = || Path::new("out").join(&short);
     let folder = output::folder(args.out.as_deref(), default, &[&name], &args.input.inputs(), Replace::CONTINUES)?;
     let cache = workspace::cache(shared)?;
+    if cache.is_none() && !further_metrics.metrics().is_empty() {
+        return Err(user_error("--metric needs a cache, where its distances are kept; name a folder with --cache"));
+    }
     let of_shard = Study { pairs: places.iter().map(|&place| study.pairs[place].clone()).collect(), ..study.clone() };
     let bar = Bar::new();
     let kept = match &cache {
@@ -80,8 +98,14 @@ pub fn extract(shared: &Shared, args: ExtractArgs) -> Result<()> {
     signals::resumable(&bar, kept)?;
     let progress = |stage: &str, progress| bar.update(stage, progress);
     let found = train::extract(&of_shard, &setup, shared.data.as_deref(), cache.as_ref(), &progress);
-    bar.finish();
     let found = found.map_err(workspace::experiment_error)?;
+    if !further_metrics.metrics().is_empty() {
+        let told = |p| bar.update("further metrics", p);
+        let (data, metrics) = (shared.data.as_deref(), further_metrics.metrics());
+        let kept = further(&of_shard, metrics, data, cache.as_ref(), &told);
+        workspace::warn(kept.map_err(|e| workspace::experiment_error(e.into()))?.1);
+    }
+    bar.finish();
     workspace::warn(&found.warnings);
     let extracted = ExtractedStudy {
         study: of_shard,

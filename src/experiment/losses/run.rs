@@ -351,8 +351,9 @@ impl<'a> Job<'a> {
     fn judged_again(&self, mut record: FitRecord, judges: &Judges<'_>) -> Result<FitRecord, ExperimentError> {
         let fit = &record.fit;
         let file = self.file(&fit.model, record.loss);
-        let model = serde_json::json!({ "model": fit.model, "parameters": fit.parameters });
-        let open = model_json::from_value(&file, &model)?;
+        let mut model = fit.parameters.clone();
+        model.insert("model".to_owned(), fit.model.clone().into());
+        let open = model_json::from_value(&file, &model.into())?;
         let found = judges.images(&*open.brdf).map_err(|source| self.failed(source))?;
         record.judged.retain(|judge, _| !record.images.contains_key(judge));
         record.judged.extend(found);

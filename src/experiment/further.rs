@@ -4,6 +4,7 @@
 //! Each is judged as the classical ones are: its logistic map is fitted on the training side of each fold, and its difference to the
 //! learned metric is paired. Metrics that were learned from ratings are refused: they may have seen the rows that are judged.
 
+use super::external::ExternalScores;
 use super::{ExperimentError, contenders, train};
 use crate::dataset::Study;
 use crate::evaluation::protocol::{Contender, Source};
@@ -56,6 +57,19 @@ impl Further {
             kept.push(metric);
         }
         Ok(Self { metrics: kept })
+    }
+
+    /// That no column of a file of distances has the name of one of them.
+    pub(super) fn check_beside(&self, scores: Option<&ExternalScores>, study: &Study) -> Result<(), ExperimentError> {
+        let columns = || scores.into_iter().flat_map(|scores| &scores.metrics);
+        let same = |metric: &&Arc<dyn Metric>| columns().any(|column| column.name.eq_ignore_ascii_case(metric.name()));
+        self.metrics.iter().find(same).map_or(Ok(()), |metric| {
+            let reason = format!(
+                "{} is asked for and is a column of the file of scores; it must be one of the two",
+                metric.name()
+            );
+            Err(ExperimentError::Unsupported { study: study.name.clone(), reason })
+        })
     }
 
     /// The metrics.

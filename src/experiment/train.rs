@@ -230,6 +230,7 @@ impl Measurement {
         progress: Observer<'_>,
     ) -> Result<Self, ExperimentError> {
         Plan::of(study, options)?;
+        options.further.check_beside(options.scores.as_ref(), study)?;
         let setup = Setup::new(&options.descriptors)?;
         let extraction = extract(study, &setup, options.data.as_deref(), options.cache.as_ref(), progress)?;
         let others = if study.synthetic { Vec::new() } else { unrated(options.data.as_deref())? };

@@ -67,3 +67,36 @@ pub fn table(record: &BenchmarkRecord) -> Table {
     }
     table
 }
+
+/// SROCC on each named set of rows, a column a set and a way to place the cameras; the metric of the run stands first. Without rows where
+/// the study names no sets, or no picture was compared.
+pub fn by_rows(record: &BenchmarkRecord) -> Table {
+    let images = of_record(record);
+    let sets: Vec<RowSet> = record.row_sets.iter().map(|set| RowSet::Named(set.name.clone())).collect();
+    let mut columns = vec!["metric".to_owned()];
+    for set in &sets {
+        columns.extend(Cameras::ALL.map(|cameras| format!("{}, {}", record.rows_in_words(set), heading(cameras))));
+    }
+    let names: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut table =
+        Table::new("SROCC by the rows that are judged, unseen material [95 % interval by material]", &names);
+    if images.is_empty() || sets.is_empty() {
+        return table;
+    }
+    let cell = |metric: Option<&MetricRecord>, set: &RowSet| {
+        with_interval(metric.and_then(|m| m.judgement(Split::UnseenMaterial, set)), Figure::Srocc)
+    };
+    // A metric on BRDFs knows no camera: its number stands once a set.
+    let own = record.metric(subject(record));
+    let mut first = vec![subject(record).to_owned()];
+    first.extend(sets.iter().flat_map(|set| [cell(own, set), NONE.to_owned(), NONE.to_owned()]));
+    table.rows.push(first);
+    for (name, by_cameras) in &images {
+        let mut row = vec![(*name).to_owned()];
+        for set in &sets {
+            row.extend((0..Cameras::ALL.len()).map(|place| cell(by_cameras.get(&place).copied(), set)));
+        }
+        table.rows.push(row);
+    }
+    table
+}

@@ -242,13 +242,16 @@ fn metrics_on_pictures_stand_beside_those_on_brdfs() {
     let folder = tempfile::tempdir().unwrap();
     let folder = report(folder.path(), &record(false));
     let page = read(&folder, "report.md");
-    let section = page.split("## Metrics on pictures").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
+    let section = page.split("## Metrics on pictures\n").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
     let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| ")).collect();
     assert_eq!(rows.len(), 4, "heading, rule, two metrics: {section}");
     assert!(rows[0].contains("SROCC, same camera") && rows[0].contains("PLCC, the study's two cameras"), "{}", rows[0]);
     // The better one first, and only what was compared has a difference.
     assert!(rows[2].starts_with("| ssim | 0.") && rows[3].starts_with("| cielab | 0."), "{section}");
     assert!(!rows[2].ends_with("| - |") && rows[3].ends_with("| - |"), "{section}");
+    let by_rows =
+        page.split("## Metrics on pictures by rows").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
+    assert!(by_rows.contains("far &lt;candidates>, same camera") && by_rows.contains("\n| vernis | 0."), "{by_rows}");
     for figure in ["image-metrics", "image-curves", "curves"] {
         assert!(page.contains(&format!("![{figure}]({figure}.png)")), "{figure}");
     }

@@ -122,6 +122,7 @@ pub fn title(record: &BenchmarkRecord) -> String {
 fn sections(record: &BenchmarkRecord) -> Vec<(&'static str, Table)> {
     vec![
         ("Metrics on pictures", image_metrics::table(record)),
+        ("Metrics on pictures by rows", image_metrics::by_rows(record)),
         ("All metrics", tables::all_metrics(record)),
         ("Differences between metrics", tables::differences(record)),
         ("Which descriptors matter", tables::ablation(record)),

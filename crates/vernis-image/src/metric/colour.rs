@@ -27,6 +27,19 @@ pub(super) fn linear(code: f32) -> f64 {
     if whole as f32 == code { LINEAR[whole.min(255)] } else { decoded(f64::from(code)) }
 }
 
+/// The cube root of a number from 1e-6 to 1e6, to the last few bits: three steps of Halley from an estimate of the exponent. The standard
+/// library's takes most of the time of CIELAB, for it serves all numbers and is no inlined code.
+#[inline]
+pub(super) fn cube_root(x: f64) -> f64 {
+    // A third of the exponent, and a bias that makes the estimate good to 5 %.
+    let mut y = f64::from_bits(x.to_bits() / 3 + 0x2A9F_7893_782D_A1CE);
+    for _ in 0..3 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    y
+}
+
 pub(super) fn dot(weights: &[f64; 3], v: [f64; 3]) -> f64 {
     weights[0] * v[0] + weights[1] * v[1] + weights[2] * v[2]
 }
@@ -75,6 +88,14 @@ mod tests {
         assert!((linear(10.0) - 10.0 / 255.0 / 12.92).abs() < 1e-17);
         let code: f64 = 128.5 / 255.0;
         assert!((linear(128.5) - ((code + 0.055) / 1.055).powf(2.4)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn cube_roots_are_those_of_the_standard_library() {
+        for k in 0..200_000 {
+            let x = 10f64.powf(-6.0 + 12.0 * f64::from(k) / 200_000.0);
+            assert!((cube_root(x) / x.cbrt() - 1.0).abs() < 4.0 * f64::EPSILON, "{x}");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_image::display::Display;
 use vernis_image::metric::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, ImageRegistry, Lab2000HlTable, Need,
+    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, ImageRegistry, Lab2000HlTable, Need, Weights,
 };
 use vernis_image::picture::EncodedPicture;
 use vernis_image::picture::read::read;
@@ -32,6 +32,8 @@ files.
   cid, icid; cid-cielab, icid-cielab              codes; the first two need the table of LAB2000HL (--weights)
   hdr-vdp; hdr-vdp-luminance                      both; light
   cvvdp                                           both
+  lpips-alex, lpips-vgg, lpips-squeeze            codes; networks, which need weights (--weights)
+  st-lpips-alex, st-lpips-vgg, matsim             the same
 
 Without --metric, every metric that takes such pictures and has what it needs. Distances are 0 for identical pictures, and larger is
 worse; quality is the number that the metric's authors publish, in their direction (null in JSON where it is infinite).
@@ -41,7 +43,8 @@ Examples:
   vernis compare-images reference.png test.png --metric ssim --metric flip --ppd 60 --json
   vernis compare-images reference.exr test.exr --metric cvvdp --display standard-hdr-linear
   vernis compare-images reference.png test.png --metric flip --map errors.png
-  vernis compare-images reference.png test.png --metric icid --weights tables/")]
+  vernis compare-images reference.png test.png --metric icid --weights tables/
+  vernis compare-images reference.png test.png --metric st-lpips-alex --weights weights/")]
 pub struct CompareImagesArgs {
     /// The reference.
     #[arg(value_name = "REF")]
@@ -58,7 +61,8 @@ pub struct CompareImagesArgs {
     /// The display of cvvdp [default: standard-fhd for codes, standard-hdr-linear for light].
     #[arg(long, value_name = "NAME", value_parser = displays())]
     display: Option<String>,
-    /// Folder with what a metric may not ship: lab2000hl_ab.f32, the table of LAB2000HL for cid and icid.
+    /// Folder with what vernis may not ship: weights of networks (lpips-*, st-lpips-*, matsim), and the table of LAB2000HL for cid
+    /// and icid. `vernis data weights` lists the files, and where to get them.
     #[arg(long, value_name = "DIR")]
     weights: Option<PathBuf>,
     /// Write where the differences are, as a grey PNG: black is none. Needs one --metric that has a map.
@@ -82,12 +86,12 @@ pub fn run(args: CompareImagesArgs) -> Result<()> {
         args.metrics.iter().map(|name| registry.get(name)).collect::<Result<Vec<_>, _>>().map_err(user_error)?;
     let named = without_repetitions(named);
     let out = args.map.as_deref().map(|map| map_file(map, &args, &named)).transpose()?;
-    let table = match &args.weights {
-        Some(folder) => table(folder, &named)?,
-        None => None,
+    let (table, weights) = match &args.weights {
+        Some(folder) => (table(folder, &named)?, Some(Arc::new(Weights::in_folder(folder).map_err(user_error)?))),
+        None => (None, None),
     };
     let display = args.display.as_deref().and_then(Display::named);
-    let conditions = Conditions { ppd: args.ppd, display, table: table.map(Arc::new) };
+    let conditions = Conditions { ppd: args.ppd, display, table: table.map(Arc::new), weights };
     let reference = read(&args.reference).map_err(user_error)?;
     let test = read(&args.test).map_err(user_error)?;
     let found = if named.is_empty() {
@@ -100,6 +104,9 @@ pub fn run(args: CompareImagesArgs) -> Result<()> {
     } else {
         compared(&named, &reference, &test, &conditions, out.is_some())?
     };
+    for note in conditions.weights.iter().flat_map(|weights| weights.notes()) {
+        super::warning(note);
+    }
     let map = found.iter().find_map(|(_, comparison)| comparison.map.as_ref());
     if let (Some((folder, name)), Some(map)) = (&out, map) {
         folder.write(name, &png(map)?)?;
@@ -131,6 +138,12 @@ fn compared(
             ImageMetricError::NoTable { .. } => {
                 user_error(format!("{error}, or name the folder of the table with --weights"))
             }
+            ImageMetricError::NoWeights { folder: None, .. } => user_error(format!(
+                "{error}; name the folder that has it with --weights (`vernis data weights` says where to get it)"
+            )),
+            ImageMetricError::NoWeights { .. } => {
+                user_error(format!("{error} (`vernis data weights` says where to get it)"))
+            }
             other => user_error(other),
         })?;
         Ok((metric.clone(), prepared.compare(test, with_map).map_err(user_error)?))
@@ -161,9 +174,7 @@ fn compared_where_possible(
 
 /// The table of the folder, where it is there or a named metric needs it.
 fn table(folder: &Path, named: &[Arc<dyn ImageMetric>]) -> Result<Option<Lab2000HlTable>> {
-    if !folder.is_dir() {
-        return Err(user_error(format!("--weights {} is no folder; it must be the name of one", folder.display())));
-    }
+    super::check_weights_folder(folder)?;
     let file = folder.join(Lab2000HlTable::FILE);
     let needs = |metric: &Arc<dyn ImageMetric>| {
         metric.properties().needs.iter().any(|need| matches!(need, Need::Lab2000HlTable { .. }))

@@ -1,8 +1,10 @@
 //! What every metric on pictures offers: [`ImageMetric`], which makes a [`Prepared`] reference, which compares.
 
 use super::lab2000hl::Lab2000HlTable;
+use super::weights::{Weights, WeightsError, WeightsFile};
 use crate::display::Display;
 use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use std::path::PathBuf;
 use std::sync::Arc;
 use thiserror::Error;
 use vernis_metric::io::{did_you_mean, number, shown};
@@ -19,6 +21,8 @@ pub struct Conditions {
     pub display: Option<Display>,
     /// The user's table, for metrics with [`Need::Lab2000HlTable`].
     pub table: Option<Arc<Lab2000HlTable>>,
+    /// The user's folder of weights, for metrics with [`Need::Weights`].
+    pub weights: Option<Arc<Weights>>,
 }
 
 /// What a metric uses of [`Conditions`].
@@ -32,6 +36,11 @@ pub enum Need {
     Lab2000HlTable {
         /// The metric that needs no table.
         fallback: &'static str,
+    },
+    /// Weights of a network. The metric cannot work without them.
+    Weights {
+        /// Names of the files, as in [`super::WEIGHTS_FILES`].
+        files: &'static [&'static str],
     },
 }
 
@@ -322,6 +331,23 @@ pub enum ImageMetricError {
         /// The metric that needs none.
         fallback: &'static str,
     },
+    /// No weights.
+    #[error(
+        "{metric} needs {}, which may not be shipped{}",
+        file.names(),
+        folder.as_ref().map_or(String::new(), |folder| format!("; the folder {} has no such file", folder.display()))
+    )]
+    NoWeights {
+        /// The metric.
+        metric: &'static str,
+        /// The file that is missing.
+        file: &'static WeightsFile,
+        /// The folder where it was looked for, if the user named one.
+        folder: Option<PathBuf>,
+    },
+    /// Weights that are wrong.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
     /// A display that does not show such numbers.
     #[error("display {display} shows {}; the pictures hold {}", shows.words(), found.words())]
     Display {

@@ -1,15 +1,16 @@
-"""Times of metrics on pictures beside those of scikit-image, flip-evaluator and pycvvdp, in one run.
+"""Times of metrics on pictures beside those of scikit-image, flip-evaluator, pycvvdp and PyTorch, in one run.
 
-    pip install numpy pillow scikit-image flip-evaluator      # and cvvdp, which brings torch
+    pip install numpy pillow scikit-image flip-evaluator      # and cvvdp, which brings torch; networks need torch alone
     python experiments/peers/image_metrics.py [--size 580x900] [--runs 7]
 
 Makes a pair of pictures by formula, times each library on them in this process, then runs the example `time_metrics` of
 `crates/vernis-image` in release mode, on one thread and on all. Times are medians and leave out the reading of files. What is not
-installed is left out, and said.
+installed is left out, and said. LPIPS, ST-LPIPS and MatSim run with weights by formula, PyTorch on one thread (networks.py).
 """
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import tempfile
@@ -71,10 +72,38 @@ def peers(reference, test):
         print(f"left out: {missing}")
 
 
+    try:
+        import networks
+        import torch
+
+        torch.set_num_threads(1)
+        for name, make in networks.NETWORKS.items():
+            network, channels = make()
+            networks.fill(network)
+            yield name, "PyTorch, one thread", lambda: networks.lpips(network, channels, reference, test)
+        network = networks.fill(networks.matsim()).double()
+        both = lambda: [networks.embedding(network, picture) for picture in (reference, test)]
+        yield "matsim", "PyTorch, one thread, f64", both
+    except ImportError as missing:
+        print(f"left out: {missing}")
+
+
+def weights(folder):
+    """Writes weights for our networks."""
+    try:
+        import networks
+
+        networks.write(folder)
+    except ImportError as missing:
+        print(f"left out: {missing}")
+
+
 def ours(folder, threads, runs):
-    command = ["cargo", "run", "--quiet", "--release", "-p", "vernis-image", "--example", "time_metrics", "--"]
+    command = ["cargo", "run", "--quiet", "--release", "-p", "vernis-image", "--features", "networks", "--example", "time_metrics", "--"]
     pair = [str(folder / "reference.png"), str(folder / "test.png")]
-    found = subprocess.run(command + pair + [str(threads), str(runs)], cwd=ROOT, check=True, capture_output=True, text=True)
+    environment = dict(os.environ, VERNIS_WEIGHTS=str(folder))
+    command += pair + [str(threads), str(runs)]
+    found = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True, env=environment)
     return json.loads(found.stdout)
 
 
@@ -89,6 +118,7 @@ def main():
         folder = Path(place)
         Image.fromarray(reference).save(folder / "reference.png")
         Image.fromarray(test).save(folder / "test.png")
+        weights(folder)
         alone, together = (ours(folder, threads, arguments.runs) for threads in (1, 0))
     theirs = [(name, peer, median_ms(run, arguments.runs)) for name, peer, run in peers(reference, test)]
     print(f"{width} x {height} pixels, median of {arguments.runs} runs, ms; all = {together['threads']} threads")

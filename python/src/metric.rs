@@ -31,10 +31,15 @@ pub struct Metric {
     pub metric: Arc<dyn metric::Metric>,
 }
 
-/// Every metric, those on stimuli among them, which look for mesh and probes in the folder of the variable VERNIS_DATA.
+/// Every metric, those on stimuli among them, which look for mesh and probes in the folder of the variable VERNIS_DATA, and
+/// for tables and weights in that of VERNIS_WEIGHTS.
 pub fn registry() -> Result<Registry, Fault> {
     let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-    Ok(stimulus::registry(folder("VERNIS_DATA").as_deref(), Conditions::default())?)
+    let conditions = match folder("VERNIS_WEIGHTS") {
+        Some(folder) => Conditions::of_folder(&folder).map_err(|e| Fault::Input(e.to_string()))?,
+        None => Conditions::default(),
+    };
+    Ok(stimulus::registry(folder("VERNIS_DATA").as_deref(), conditions)?)
 }
 
 #[pymethods]

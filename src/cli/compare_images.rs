@@ -30,6 +30,8 @@ files.
   cid, icid; cid-cielab, icid-cielab              codes; the first two need the table of LAB2000HL (--weights)
   hdr-vdp; hdr-vdp-luminance                      both; light
   cvvdp                                           both
+  lpips-alex, lpips-vgg, lpips-squeeze            codes; networks, which need weights (--weights)
+  st-lpips-alex, st-lpips-vgg, matsim             the same
 
 Without --metric, every metric that takes such pictures and has what it needs. Distances are 0 for identical pictures, and larger is
 worse; quality is the number that the metric's authors publish, in their direction (null in JSON where it is infinite).
@@ -39,7 +41,8 @@ Examples:
   vernis compare-images reference.png test.png --metric ssim --metric flip --ppd 60 --json
   vernis compare-images reference.exr test.exr --metric cvvdp --display standard-hdr-linear
   vernis compare-images reference.png test.png --metric flip --map errors.png
-  vernis compare-images reference.png test.png --metric icid --weights tables/")]
+  vernis compare-images reference.png test.png --metric icid --weights tables/
+  vernis compare-images reference.png test.png --metric st-lpips-alex --weights weights/")]
 pub struct CompareImagesArgs {
     /// The reference.
     #[arg(value_name = "REF")]
@@ -91,6 +94,9 @@ pub fn run(shared: &Shared, args: CompareImagesArgs) -> Result<()> {
     } else {
         compared(&named, &reference, &test, &conditions, out.is_some())?
     };
+    for note in conditions.weights.iter().flat_map(|weights| weights.notes()) {
+        super::warning(note);
+    }
     let map = found.iter().find_map(|(_, comparison)| comparison.map.as_ref());
     if let (Some((folder, name)), Some(map)) = (&out, map) {
         folder.write(name, &png(map)?)?;
@@ -121,6 +127,12 @@ fn compared(
         let prepared = metric.prepare(reference, conditions).map_err(|error| match error {
             ImageMetricError::NoTable { .. } => {
                 user_error(format!("{error}, or name the folder of the table with --weights"))
+            }
+            ImageMetricError::NoWeights { folder: None, .. } => user_error(format!(
+                "{error}; name the folder that has it with --weights (`vernis data weights` says where to get it)"
+            )),
+            ImageMetricError::NoWeights { .. } => {
+                user_error(format!("{error} (`vernis data weights` says where to get it)"))
             }
             other => user_error(other),
         })?;

@@ -4,9 +4,11 @@ use super::{Shared, print};
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
+use vernis_image::metric::ImageRegistry;
+use vernis_image::picture::Encoding;
 use vernis_metric::metric::registry::Registry;
 
-/// List the metrics.
+/// List the metrics, those on BRDFs and those on pictures.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  vernis metrics\n  vernis metrics --json")]
 pub struct MetricsArgs {
@@ -18,16 +20,26 @@ pub struct MetricsArgs {
 pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
     let registry = Registry::standard()?;
     if args.json {
-        let all: Vec<_> = registry
+        let on_brdfs = registry
             .iter()
             .map(|m| {
                 let p = m.properties();
                 json!({
                     "name": m.name(), "version": m.version(), "summary": p.summary, "unit": p.unit, "symmetric": p.symmetric,
-                    "usable_as_loss": p.usable_as_loss, "source": p.source,
+                    "usable_as_loss": p.usable_as_loss, "source": p.source, "on": "brdfs",
                 })
+            });
+        let pictures = ImageRegistry::standard();
+        let on_pictures = pictures.iter().map(|m| {
+            let p = m.properties();
+            let encodings: Vec<_> = p.encodings.iter().map(|e| encoding(*e)).collect();
+            json!({
+                "name": m.name(), "version": m.version(), "summary": p.quality, "unit": p.unit,
+                "larger_is_better": p.larger_is_better, "distance": p.distance, "pictures": encodings, "map": p.has_map,
+                "source": p.source, "on": "pictures",
             })
-            .collect();
+        });
+        let all: Vec<_> = on_brdfs.chain(on_pictures).collect();
         return print(serde_json::to_string_pretty(&all)? + "\n");
     }
     let width = registry.iter().map(|m| m.name().len()).max().unwrap_or(0);
@@ -40,5 +52,22 @@ pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
     text += "energy[phi=t^1/3,alpha=0.1,gamma=0.25], mmd-gaussian[blur=0.05,...], mmd-laplacian[...]; phi is t, t^1/2, t^1/3, t^1/4\n";
     text += "or log:eta=E. Options that are not given are those of the plain name.\n";
     text += "\n`all-lp` stands for the 36 Lp metrics of Lavoué et al. 2021. 0 is identical, larger is worse.\n";
+    text += "\nOn pictures (vernis compare-images):\n";
+    let pictures = ImageRegistry::standard();
+    let width = pictures.names().map(str::len).max().unwrap_or(0);
+    for metric in pictures.iter() {
+        let p = metric.properties();
+        let encodings: Vec<_> = p.encodings.iter().map(|e| encoding(*e)).collect();
+        let (name, version) = (metric.name(), metric.version());
+        text += &format!("{name:width$}  version {version}: {} [{}], {}\n", p.quality, p.unit, encodings.join(" and "));
+    }
     print(text)
+}
+
+/// What a metric on pictures takes.
+fn encoding(encoding: Encoding) -> &'static str {
+    match encoding {
+        Encoding::Srgb => "codes",
+        Encoding::Linear => "light",
+    }
 }

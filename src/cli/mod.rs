@@ -189,6 +189,14 @@ fn note(text: impl std::fmt::Display) {
 }
 
 /// The same of something that went wrong and can be done without.
+/// That `--weights` names a folder.
+fn check_weights_folder(folder: &std::path::Path) -> Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    Err(user_error(format!("--weights {} is no folder; it must be the name of one", folder.display())))
+}
+
 fn warning(text: impl std::fmt::Display) {
     note(format_args!("vernis: warning: {text}"));
 }

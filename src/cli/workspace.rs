@@ -2,7 +2,7 @@
 
 use super::output::Inputs;
 use super::view::View;
-use super::{Shared, user_error, warning};
+use super::{Shared, check_weights_folder, user_error, warning};
 #[cfg(feature = "train")]
 use crate::experiment::ExperimentError;
 use anyhow::Result;
@@ -69,18 +69,16 @@ pub fn registry(shared: &Shared) -> Result<Registry> {
 /// What the folder of weights holds. A metric of `named` that needs what is not there says so.
 pub fn conditions(shared: &Shared, named: &[Arc<dyn ImageMetric>]) -> Result<Conditions> {
     let Some(folder) = &shared.weights else { return Ok(Conditions::default()) };
-    if !folder.is_dir() {
-        return Err(user_error(format!("--weights {} is no folder; it must be the name of one", folder.display())));
-    }
+    check_weights_folder(folder)?;
     let file = folder.join(Lab2000HlTable::FILE);
     let needs = |metric: &Arc<dyn ImageMetric>| {
         metric.properties().needs.iter().any(|need| matches!(need, Need::Lab2000HlTable { .. }))
     };
-    let table = match file.exists() || named.iter().any(needs) {
-        true => Some(Arc::new(Lab2000HlTable::read(&file).map_err(user_error)?)),
-        false => None,
-    };
-    Ok(Conditions { table, ..Conditions::default() })
+    if !file.exists() && named.iter().any(needs) {
+        // Says which file is missing.
+        Lab2000HlTable::read(&file).map_err(user_error)?;
+    }
+    Conditions::of_folder(folder).map_err(user_error)
 }
 
 /// The metrics called `names`; a name that ends in `.json` is the path of an exported metric, which may need the probe or the mesh

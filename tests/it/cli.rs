@@ -195,6 +195,11 @@ fn metrics_are_listed() {
     let listed = place.json(&["metrics", "--json"]);
     let names: Vec<&str> = listed.as_array().expect("a list").iter().filter_map(|m| m["name"].as_str()).collect();
     assert!(["vernis", "D1", "D1.Cl.CR", "D9.Cl", "lab"].iter().all(|name| names.contains(name)), "{names:?}");
+    let on = |name: &str| listed.as_array().and_then(|all| all.iter().find(|m| m["name"] == name)).map(|m| &m["on"]);
+    assert_eq!(
+        [on("D1"), on("ssim"), on("matsim")],
+        [Some(&json!("brdfs")), Some(&json!("pictures")), Some(&json!("pictures"))]
+    );
     let text = place.output(&["metrics"]);
     assert!(names.iter().all(|name| text.lines().any(|line| line.split_whitespace().next() == Some(*name))));
     assert_says(&text, &["all-lp"]);

@@ -126,3 +126,44 @@ fn wrong_input_is_one_message() {
     let size = place.mistake(&["ref.png", "test.png", "-m", "cid", "--weights", "."]);
     assert!(size.contains("it has 12 bytes; the table of LAB2000HL has 257 x 257 x 2"), "{size}");
 }
+
+#[test]
+fn networks_say_which_weights_are_missing() {
+    let place = Place::new();
+    let missing = "vernis: error: st-lpips-alex needs alex_shift_tolerant.pth (or alex_shift_tolerant.safetensors), which may not be \
+                   shipped; ";
+    let listed = "(`vernis data weights` says where to get it)\n";
+    let said = place.mistake(&["ref.png", "test.png", "-m", "st-lpips-alex"]);
+    assert!(said.contains(missing) && said.contains("with --weights") && said.ends_with(listed), "{said}");
+    fs::create_dir(place.0.path().join("weights")).expect("a folder");
+    let said = place.mistake(&["ref.png", "test.png", "-m", "st-lpips-alex", "--weights", "weights"]);
+    assert!(said.contains(missing) && said.contains("the folder weights has no such file"), "{said}");
+    fs::write(place.0.path().join("weights/alex_shift_tolerant.pth"), b"nothing").expect("written");
+    let said = place.mistake(&["ref.png", "test.png", "-m", "st-lpips-alex", "--weights", "weights"]);
+    assert!(said.contains("alex_shift_tolerant.pth: it is no PyTorch checkpoint: "), "{said}");
+}
+
+#[test]
+fn weights_are_listed_with_what_a_folder_has() {
+    let place = Place::new();
+    let run = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_vernis"));
+        command.args(["data", "weights"]).args(args).current_dir(place.0.path()).output().expect("the program starts")
+    };
+    let text = String::from_utf8(run(&[]).stdout).expect("UTF-8");
+    assert!(text.contains("alex_shift_tolerant.pth: ST-LPIPS on AlexNet") && !text.contains("missing"), "{text}");
+    fs::create_dir(place.0.path().join("weights")).expect("a folder");
+    fs::write(place.0.path().join("weights/alex.pth"), b"mine").expect("written");
+    fs::write(place.0.path().join("weights/model_best.safetensors"), b"mine").expect("written");
+    let found: Value = serde_json::from_slice(&run(&["--weights", "weights", "--json"]).stdout).expect("JSON");
+    let state = |name: &str| {
+        let row = found.as_array().and_then(|all| all.iter().find(|row| row["file"] == name)).expect("a row");
+        (row["state"].as_str().expect("a state").to_owned(), row["path"].as_str().map(str::to_owned))
+    };
+    assert_eq!(state("vgg.pth"), ("missing".to_owned(), None));
+    assert_eq!(state("alex.pth"), ("different".to_owned(), Some("weights/alex.pth".to_owned())));
+    assert_eq!(state("model_best.pth.tar").0, "not checked");
+    let wrong = run(&["--weights", "nowhere"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("--weights nowhere is no folder"));
+}

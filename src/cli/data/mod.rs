@@ -2,6 +2,7 @@
 
 mod convert;
 mod files;
+mod weights;
 
 use super::{Shared, print};
 use crate::dataset::inventory::{FileState, StudyStatus, inventory};
@@ -29,6 +30,8 @@ enum DataCommand {
     Fetch(files::FetchArgs),
     /// Compare the files of studies in the data folder with their pinned sizes and SHA-256.
     Verify(files::VerifyArgs),
+    /// List the weights and tables that metrics on pictures need: where to get each, its checksum, and which a folder has.
+    Weights(weights::WeightsArgs),
     /// Write a BRDF as a table in another file format, and print the loss.
     Convert(convert::ConvertArgs),
 }
@@ -38,6 +41,7 @@ pub fn run(shared: &Shared, args: DataArgs) -> Result<()> {
         DataCommand::List { json } => list(shared, json),
         DataCommand::Fetch(args) => files::fetch(shared, args),
         DataCommand::Verify(args) => files::verify(shared, args),
+        DataCommand::Weights(args) => weights::run(shared, args),
         DataCommand::Convert(args) => convert::run(shared, args),
     }
 }
@@ -53,6 +57,7 @@ fn list(shared: &Shared, json: bool) -> Result<()> {
         None => "no data folder: name one with --data DIR or VERNIS_DATA\n\n".to_owned(),
     };
     text.extend(studies.iter().flat_map(|study| [study_text(study), "\n".to_owned()]));
+    text += "Weights and tables of metrics on pictures: vernis data weights\n";
     print(text)
 }
 

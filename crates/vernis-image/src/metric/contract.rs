@@ -1,8 +1,10 @@
 //! What every metric on pictures offers: [`ImageMetric`], which makes a [`Prepared`] reference, which compares.
 
-use super::lab2000hl::Lab2000HlTable;
+use super::lab2000hl::{Lab2000HlTable, TableError};
+use super::weights::{Weights, WeightsError, WeightsFile};
 use crate::display::Display;
 use crate::picture::{EncodedPicture, Encoding, MOST_PIXELS};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 use vernis_metric::io::{did_you_mean, number, shown};
@@ -19,6 +21,52 @@ pub struct Conditions {
     pub display: Option<Display>,
     /// The user's table, for metrics with [`Need::Lab2000HlTable`].
     pub table: Option<Arc<Lab2000HlTable>>,
+    /// The user's folder of weights, for metrics with [`Need::Weights`].
+    pub weights: Option<Arc<Weights>>,
+}
+
+/// Why a user's folder cannot be used.
+#[derive(Debug, Error)]
+pub enum FolderError {
+    /// The table that is there is wrong.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// It is no folder.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+}
+
+impl Conditions {
+    /// With what a folder of the user's holds: the table of LAB2000HL where it is there, and weights, which are read when they are needed.
+    ///
+    /// # Errors
+    /// It is no folder, or the table in it is wrong.
+    pub fn of_folder(folder: &Path) -> Result<Self, FolderError> {
+        let weights = Weights::in_folder(folder)?;
+        let file = folder.join(Lab2000HlTable::FILE);
+        let table = file.exists().then(|| Lab2000HlTable::read(&file).map(Arc::new)).transpose()?;
+        Ok(Self { table, weights: Some(Arc::new(weights)), ..Self::default() })
+    }
+
+    /// Whether `need` is met.
+    pub fn meet(&self, need: Need) -> bool {
+        match need {
+            Need::Lab2000HlTable { .. } => self.table.is_some(),
+            Need::Weights { files } => self.weights.as_ref().is_some_and(|weights| weights.has(files)),
+            Need::Ppd(_) | Need::Display => true,
+        }
+    }
+
+    /// The SHA-256 of what the user gave for `needs`.
+    pub fn contents(&self, needs: &[Need]) -> String {
+        let Some(weights) = &self.weights else { return String::new() };
+        let of_need = |need: &Need| match need {
+            Need::Lab2000HlTable { .. } => weights.contents(&[Lab2000HlTable::FILE]),
+            Need::Weights { files } => weights.contents(files),
+            Need::Ppd(_) | Need::Display => String::new(),
+        };
+        needs.iter().map(of_need).collect()
+    }
 }
 
 /// What a metric uses of [`Conditions`].
@@ -32,6 +80,11 @@ pub enum Need {
     Lab2000HlTable {
         /// The metric that needs no table.
         fallback: &'static str,
+    },
+    /// Weights of a network. The metric cannot work without them.
+    Weights {
+        /// Names of the files, as in [`super::WEIGHTS_FILES`].
+        files: &'static [&'static str],
     },
 }
 
@@ -322,6 +375,23 @@ pub enum ImageMetricError {
         /// The metric that needs none.
         fallback: &'static str,
     },
+    /// No weights.
+    #[error(
+        "{metric} needs {}, which may not be shipped{}",
+        file.names(),
+        folder.as_ref().map_or(String::new(), |folder| format!("; the folder {} has no such file", folder.display()))
+    )]
+    NoWeights {
+        /// The metric.
+        metric: &'static str,
+        /// The file that is missing.
+        file: &'static WeightsFile,
+        /// The folder where it was looked for, if the user named one.
+        folder: Option<PathBuf>,
+    },
+    /// Weights that are wrong.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
     /// A display that does not show such numbers.
     #[error("display {display} shows {}; the pictures hold {}", shows.words(), found.words())]
     Display {

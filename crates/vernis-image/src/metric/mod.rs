@@ -20,19 +20,22 @@ pub mod hdr_vdp;
 pub mod icid;
 pub mod lab2000hl;
 pub mod ms_ssim;
+#[cfg(feature = "networks")]
+pub mod network;
 mod plane;
 pub mod psnr;
 pub mod pu21;
 mod registry;
 pub mod s_cielab;
 pub mod ssim;
+pub mod weights;
 
 pub use cid::Cid;
 pub use ciede2000::{Ciede2000, ciede2000};
 pub use cielab::{Cielab, Mean};
 pub use contract::{
-    Comparison, Conditions, DifferenceMap, ImageMetric, ImageMetricError, Need, Prepared, PreparedReference,
-    PreparedResult, Properties,
+    Comparison, Conditions, DifferenceMap, FolderError, ImageMetric, ImageMetricError, Need, Prepared,
+    PreparedReference, PreparedResult, Properties,
 };
 pub use cvvdp::Cvvdp;
 pub use delta_e_itp::DeltaEItp;
@@ -42,7 +45,10 @@ pub use hdr_vdp::{HdrVdp, Receptors};
 pub use icid::{Clipping, Icid};
 pub use lab2000hl::{Lab2000HlTable, Space, TableError};
 pub use ms_ssim::MsSsim;
+#[cfg(feature = "networks")]
+pub use network::{Backbone, Lpips, MatSim, ShiftTolerant, StLpips};
 pub use psnr::Psnr;
 pub use pu21::{Pu21Psnr, Pu21Ssim};
 pub use registry::ImageRegistry;
 pub use ssim::{Ssim, Values};
+pub use weights::{WEIGHTS_FILES, Weights, WeightsError, WeightsFile, WeightsState};

@@ -1,6 +1,8 @@
 //! All metrics on pictures, by name.
 
 use super::contract::{Conditions, ImageMetric, ImageMetricError, Need};
+#[cfg(feature = "networks")]
+use super::{Backbone, Lpips, MatSim, ShiftTolerant, StLpips};
 use super::{
     Cid, Ciede2000, Cielab, Clipping, Cvvdp, DeltaEItp, Flip, HdrFlip, HdrVdp, Icid, Mean, MsSsim, Psnr, Pu21Psnr,
     Pu21Ssim, Receptors, Ssim, Values,
@@ -39,6 +41,18 @@ impl ImageRegistry {
             Arc::new(HdrVdp(Receptors::Rgb)),
             Arc::new(HdrVdp(Receptors::Luminance)),
             Arc::new(Cvvdp),
+            #[cfg(feature = "networks")]
+            Arc::new(Lpips(Backbone::Alex)),
+            #[cfg(feature = "networks")]
+            Arc::new(Lpips(Backbone::Vgg)),
+            #[cfg(feature = "networks")]
+            Arc::new(Lpips(Backbone::Squeeze)),
+            #[cfg(feature = "networks")]
+            Arc::new(StLpips(ShiftTolerant::Alex)),
+            #[cfg(feature = "networks")]
+            Arc::new(StLpips(ShiftTolerant::Vgg)),
+            #[cfg(feature = "networks")]
+            Arc::new(MatSim),
         ];
         Self { metrics }
     }
@@ -65,16 +79,15 @@ impl ImageRegistry {
     }
 
     /// The metrics that take pictures of this encoding and have what they need: with a table those that need one, without it those
-    /// that stand in for them.
+    /// that stand in for them; networks whose weights are in the user's folder.
     pub fn applicable(&self, encoding: Encoding, conditions: &Conditions) -> Vec<Arc<dyn ImageMetric>> {
         let fallbacks: Vec<&str> =
             self.metrics.iter().flat_map(|metric| metric.properties().needs).filter_map(fallback).collect();
         let fits = |metric: &&Arc<dyn ImageMetric>| {
             let properties = metric.properties();
-            let needs_table = properties.needs.iter().copied().any(|need| fallback(need).is_some());
-            let stands_in = fallbacks.contains(&metric.name());
-            let has_table = conditions.table.is_some();
-            properties.encodings.contains(&encoding) && (!needs_table || has_table) && !(stands_in && has_table)
+            let stands_in = conditions.table.is_some() && fallbacks.contains(&metric.name());
+            let met = properties.needs.iter().all(|need| conditions.meet(*need));
+            properties.encodings.contains(&encoding) && met && !stands_in
         };
         self.metrics.iter().filter(fits).cloned().collect()
     }
@@ -83,6 +96,6 @@ impl ImageRegistry {
 fn fallback(need: Need) -> Option<&'static str> {
     match need {
         Need::Lab2000HlTable { fallback } => Some(fallback),
-        Need::Ppd(_) | Need::Display => None,
+        Need::Ppd(_) | Need::Display | Need::Weights { .. } => None,
     }
 }

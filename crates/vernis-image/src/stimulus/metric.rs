@@ -175,7 +175,9 @@ impl Metric for StimulusMetric {
         let Conditions { ppd, display, .. } = &self.conditions;
         // A scene that cannot be read ends whatever would use the identity.
         let scene = self.stage().ok().and_then(|slot| Some(slot.get()?.identity.clone())).unwrap_or_else(|| self.key());
-        format!("{} {} {scene} {tone:?} {exposure:?} {ppd:?} {display:?}", self.name, self.version)
+        let given = self.conditions.contents(&self.image.properties().needs);
+        let given = if given.is_empty() { given } else { format!(" {given}") };
+        format!("{} {} {scene} {tone:?} {exposure:?} {ppd:?} {display:?}{given}", self.name, self.version)
     }
 
     fn share(&self) -> Option<Share> {
@@ -187,6 +189,15 @@ impl Metric for StimulusMetric {
     fn member(&self, name: &str) -> Result<Arc<dyn Metric>, MetricError> {
         let Named { image, cameras, setting, ppd, display } = parse(name, self.common.data.as_deref())?;
         let conditions = Conditions { ppd, display, ..self.common.conditions.clone() };
+        if !image.properties().needs.iter().all(|need| conditions.meet(*need)) {
+            return Err(MetricError::Parameter {
+                what: name.to_owned(),
+                found: format!("without the files that {} needs", image.name()),
+                allowed:
+                    "given a folder that has them, with --weights or VERNIS_WEIGHTS; `vernis data weights` lists them"
+                        .to_owned(),
+            });
+        }
         let metric = Self {
             name: name.to_owned(),
             version: version(&*image),

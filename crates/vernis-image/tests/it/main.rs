@@ -2,6 +2,8 @@
 
 mod formula;
 mod golden;
+#[cfg(feature = "networks")]
+mod networks;
 mod physics;
 mod reading;
 #[allow(non_snake_case, reason = "scenes have the names of the reference")]

@@ -1,12 +1,11 @@
 //! `vernis metrics`: what there is to measure with.
 
-use super::{Shared, print};
+use super::{Shared, print, workspace};
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use vernis_image::metric::ImageRegistry;
 use vernis_image::picture::Encoding;
-use vernis_metric::metric::registry::Registry;
 
 /// List the metrics, those on BRDFs and those on pictures.
 #[derive(Args)]
@@ -17,8 +16,8 @@ pub struct MetricsArgs {
     json: bool,
 }
 
-pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
-    let registry = Registry::standard()?;
+pub fn run(shared: &Shared, args: MetricsArgs) -> Result<()> {
+    let registry = workspace::registry(shared)?;
     if args.json {
         let on_brdfs = registry
             .iter()
@@ -52,6 +51,11 @@ pub fn run(_shared: &Shared, args: MetricsArgs) -> Result<()> {
     text += "energy[phi=t^1/3,alpha=0.1,gamma=0.25], mmd-gaussian[blur=0.05,...], mmd-laplacian[...]; phi is t, t^1/2, t^1/3, t^1/4\n";
     text += "or log:eta=E. Options that are not given are those of the plain name.\n";
     text += "\n`all-lp` stands for the 36 Lp metrics of Lavoué et al. 2021. 0 is identical, larger is worse.\n";
+    text += "\nstimulus[METRIC] renders both BRDFs in the study's scene and compares the pictures by a metric on pictures (below):\n";
+    text += "stimulus[ssim,camera=same,light=study,shape=study,size=193x300,samples=64,bounces=8,seed=0,tone=exrdisplay,exposure=0]; camera is\n";
+    text += "same, offset or offset-minus-hidden, light study, grace, uffizi, white, lamps or a probe, shape study, sphere, blob or a mesh.\n";
+    text += "`all-stimulus`, `all-stimulus-offset` and `all-stimulus-offset-minus-hidden` stand for all metrics on codes by one camera, by the\n";
+    text += "study's two cameras, and less the value of the hidden reference.\n";
     text += "\nOn pictures (vernis compare-images):\n";
     let pictures = ImageRegistry::standard();
     let width = pictures.names().map(str::len).max().unwrap_or(0);

@@ -11,9 +11,8 @@ use vernis_image::metric::{WEIGHTS_FILES, WeightsFile, WeightsState};
 #[derive(Args)]
 #[command(after_help = "\
 Put the files into one folder under the names given here, and name it with --weights or VERNIS_WEIGHTS: this list then says what is
-there, and whether it is as published. In place of
-a .pth file, a .safetensors file with the same tensors is read. Weights that you trained yourself work too; a note says that their
-checksum is another.
+there, and whether it is as published. In place of a .pth file, a .safetensors file with the same tensors is read. Weights that you
+trained yourself work too; a note says that their checksum is another.
 
 Examples:
   vernis data weights

@@ -7,7 +7,7 @@ use super::tensors::{Tensors, Wanted};
 use burn::tensor::activation::relu;
 use burn::tensor::module::{conv2d, max_pool2d};
 use burn::tensor::ops::{ConvOptions, MaxPoolOptions, PadMode};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Element, Tensor, TensorData};
 
 /// A step of a network.
 pub(super) enum Layer {
@@ -66,6 +66,11 @@ pub(super) fn tensor<const D: usize>(data: TensorData) -> Tensor<D> {
     Tensor::from_data(data, (&device(), dtype))
 }
 
+/// The numbers of a tensor, row by row; its type is T.
+pub(super) fn numbers<T: Element>(x: &Tensor<4>) -> Vec<T> {
+    x.to_data().try_into_vec().unwrap_or_else(|error| unreachable!("a network has numbers of one type: {error}"))
+}
+
 /// A convolution with zeros around the picture.
 pub(super) struct Conv {
     weight: Tensor<4>,
@@ -96,10 +101,10 @@ impl Conv {
 }
 
 enum Step {
-    Conv(Conv),
+    Conv(Box<Conv>),
     Relu,
     MaxPool(MaxPoolOptions<2>),
-    Blur(Tensor<4>),
+    Blur(Box<Tensor<4>>),
     Fire(Box<[Conv; 3]>),
     Tap,
 }
@@ -114,7 +119,7 @@ impl Sequence {
     pub(super) fn new(layers: &[Layer], tensors: &mut Tensors) -> Self {
         let mut step = |layer: &Layer| match layer {
             Layer::Conv { name, from, to, kernel, stride, padding } => {
-                Step::Conv(Conv::load(tensors, (name, *from, *to, *kernel), *stride, *padding))
+                Step::Conv(Box::new(Conv::load(tensors, (name, *from, *to, *kernel), *stride, *padding)))
             }
             Layer::Relu => Step::Relu,
             Layer::MaxPool { kernel, stride, ceil } => {
@@ -122,7 +127,7 @@ impl Sequence {
             }
             Layer::Blur { name, channels } => {
                 let filter = tensors.take(&format!("{name}.filt"));
-                Step::Blur(tensor(TensorData::new(filter, [*channels, 1, 3, 3])))
+                Step::Blur(Box::new(tensor(TensorData::new(filter, [*channels, 1, 3, 3]))))
             }
             Layer::Fire { name, from, squeeze, expand } => {
                 let convs = fire(name, *from, *squeeze, *expand);
@@ -144,7 +149,7 @@ impl Sequence {
             Step::MaxPool(options) => max_pool2d(x, options.clone()),
             Step::Blur(filter) => {
                 let options = ConvOptions::new([2; 2], [0; 2], [1; 2], filter.dims()[0]);
-                conv2d(x.pad([(2, 2), (2, 2)], PadMode::Reflect), filter.clone(), None, options)
+                conv2d(x.pad([(2, 2), (2, 2)], PadMode::Reflect), (**filter).clone(), None, options)
             }
             Step::Fire(convs) => {
                 let [squeeze, small, large] = &**convs;

@@ -14,7 +14,7 @@
 //! Display: none; codes are taken as they are. Blind to: what lies outside the middle of the picture, viewing distance, and changes
 //! that people did not take for another material, such as another shape or light, as far as it has learned so.
 
-use super::layers::{Conv, tensor};
+use super::layers::{Conv, numbers, tensor};
 use super::loaded;
 use super::resize::{SIDE, resized_middle};
 use super::tensors::{self, Tensors, Wanted};
@@ -199,7 +199,7 @@ impl Network {
         });
         let [_, channels, height, width] = x.dims();
         let pixels = height * width;
-        let values: Vec<f64> = x.to_data().iter::<f64>().collect();
+        let values: Vec<f64> = numbers(&x);
         let mean = |c: usize| values[c * pixels..(c + 1) * pixels].iter().sum::<f64>() / pixels as f64;
         let means: Vec<f64> = (0..channels).map(mean).collect();
         let rows = self.weight.chunks_exact(channels).zip(&self.bias);

@@ -1,6 +1,6 @@
 //! What LPIPS and ST-LPIPS share: the features of a network at its taps, made unit length, and their weighted square differences.
 
-use super::layers::{Layer, Sequence, tensor, wanted};
+use super::layers::{Layer, Sequence, numbers, tensor, wanted};
 use super::tensors::{Tensors, Wanted};
 use crate::metric::contract::{Comparison, DifferenceMap, ImageMetricError, PreparedReference, PreparedResult};
 use crate::picture::EncodedPicture;
@@ -90,7 +90,7 @@ struct Features {
 impl Features {
     fn new(x: &Tensor<4>) -> Self {
         let [_, channels, height, width] = x.dims();
-        let values: Vec<f32> = x.to_data().iter::<f32>().collect();
+        let values: Vec<f32> = numbers(x);
         let pixels = width * height;
         let mut inverse = vec![0.0f64; pixels];
         inverse.par_chunks_mut(CHUNK).enumerate().for_each(|(i, chunk)| {
@@ -151,7 +151,7 @@ impl PreparedReference for PreparedPerceptual {
             }
         });
         let distance = layers.iter().sum();
-        let values = map.map(|map| map.to_data().iter::<f32>().collect());
+        let values = map.map(|map| numbers(&map));
         Ok(Comparison {
             distance,
             quality: distance,

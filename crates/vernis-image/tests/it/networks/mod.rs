@@ -177,11 +177,11 @@ fn reference_pair(pair: &str) -> [EncodedPicture; 2] {
 
 const PAIRS: [&str; 5] = ["ldr01_noise", "ldr02_rough", "ldr04_gamma", "ldr06_same", "ldr09_large"];
 
-/// What differs from PyTorch by more than `tolerance`.
+/// What differs from PyTorch by more than `tolerance` times its value.
 fn misses(metric: &str, expected: [f64; 5], conditions: &Conditions, tolerance: f64) -> Vec<String> {
     let one = |(pair, expected): (&str, f64)| {
         let found = compared(metric, &reference_pair(pair), conditions, false).quality;
-        let far = (found - expected).abs() > tolerance || (expected == 0.0 && found != 0.0);
+        let far = (found - expected).abs() > tolerance * expected;
         println!("{metric} {pair}: {found} is {:e} from {expected}", found - expected);
         far.then(|| format!("{metric} of {pair}: {found} is {:e} from {expected}", found - expected))
     };
@@ -192,8 +192,8 @@ fn misses(metric: &str, expected: [f64; 5], conditions: &Conditions, tolerance: 
 #[test]
 fn matsim_agrees_on_reference_pictures() {
     let expected = [165.7193145751953, 70.39712524414062, 234.04075622558594, 0.0, 94.45689392089844];
-    // PyTorch computed in 32 bits: numbers of the embedding are some hundreds, and its own rounding is seen here.
-    let missed = misses("matsim", expected, &conditions(FORMULA.path()), 1e-4);
+    // PyTorch computed these in 32 bits, ours are in 64. Its own value of `ldr01_noise` in 64 bits is 165.71956616262, as ours.
+    let missed = misses("matsim", expected, &conditions(FORMULA.path()), 2e-6);
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
@@ -208,7 +208,7 @@ fn st_lpips_agrees_on_reference_pictures_with_its_own_weights() {
     let alex = [0.41943997144699097, 0.027186773717403412, 0.035153571516275406, 0.0, 0.037176068872213364];
     let vgg = [0.3775354325771332, 0.026224441826343536, 0.021450988948345184, 0.0, 0.07143203914165497];
     let missed =
-        [misses("st-lpips-alex", alex, &conditions, 1e-5), misses("st-lpips-vgg", vgg, &conditions, 1e-5)].concat();
+        [misses("st-lpips-alex", alex, &conditions, 2e-6), misses("st-lpips-vgg", vgg, &conditions, 2e-6)].concat();
     assert!(missed.is_empty(), "{missed:#?}");
     let notes = conditions.weights.as_ref().map(|weights| weights.notes());
     assert_eq!(notes, Some(vec![]), "these are the published files");
@@ -229,7 +229,7 @@ fn lpips_agrees_on_reference_pictures_with_its_own_linear_layers() {
     let vgg = [0.01197492890059948, 0.002828144235536456, 0.054575372487306595, 0.0, 0.013888953253626823];
     let squeeze = [0.025161683559417725, 0.002967430278658867, 0.06485951691865921, 0.0, 0.015971513465046883];
     let missed = [("lpips-alex", alex), ("lpips-vgg", vgg), ("lpips-squeeze", squeeze)]
-        .map(|(metric, expected)| misses(metric, expected, &conditions, 1e-6))
+        .map(|(metric, expected)| misses(metric, expected, &conditions, 2e-6))
         .concat();
     assert!(missed.is_empty(), "{missed:#?}");
 }

@@ -13,6 +13,7 @@ mod external;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+mod gallery;
 mod inputs;
 mod landscape;
 mod learned;

@@ -37,6 +37,7 @@ mean two things, so --gamma is the power itself: 1/2.2 by default, that of the v
 
 --study renders every reference, in both cameras, and every candidate of a study: MATERIAL/METHOD.exr, .png and .json in OUT. Pictures that
 are there are kept; after an interruption (Ctrl-C, exit code 130; SIGTERM, 143) the same command continues.
+`vernis report --study S --stimuli OUT` shows them on a page.
 The same seed gives the same bytes on any number of threads.
 
 Examples:

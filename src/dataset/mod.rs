@@ -13,6 +13,7 @@ mod load;
 pub mod manifest;
 pub mod notice;
 pub mod opinions;
+pub mod pair_table;
 mod published;
 pub mod rating_differences;
 mod ratings;

@@ -286,6 +286,7 @@ pub fn prediction_records(rows: &[Row], metrics: &[(&str, &Predictions)]) -> Vec
                 .iter()
                 .filter_map(|(name, predictions)| Some(((*name).to_owned(), *predictions.mos.get(i)?)))
                 .collect(),
+            distances: BTreeMap::new(),
         })
         .collect()
 }

@@ -118,6 +118,8 @@ pub struct Bench {
     jury: Jury,
     judged: Vec<JudgedMetric>,
     predictions: Vec<(String, Split, Predictions)>,
+    /// By name, of metrics that are judged by their distances, one a row.
+    distances: Vec<(String, Vec<f64>)>,
 }
 
 impl Bench {
@@ -126,7 +128,14 @@ impl Bench {
         let aside = protocol.set_aside.clone();
         let is_aside = |row: &Row| aside.contains(&row.method_family);
         let jury = Jury::new(samples.rows(), is_aside, &protocol.row_sets, protocol.resamples, protocol.seed)?;
-        Ok(Self { protocol, samples: samples.clone(), jury, judged: Vec::new(), predictions: Vec::new() })
+        Ok(Self {
+            protocol,
+            samples: samples.clone(),
+            jury,
+            judged: Vec::new(),
+            predictions: Vec::new(),
+            distances: Vec::new(),
+        })
     }
 
     /// Runs a contender through every split that it can take part in. Gives the splits that it was not judged on, each with the
@@ -162,6 +171,8 @@ impl Bench {
                 Ok(of_sample) => judged.extend(of_sample),
                 Err(error) => failed.push((Split::InSample, error)),
             }
+            let column = samples.columns().iter().position(|column| column.name == name);
+            self.distances.extend(column.map(|column| (name.to_owned(), samples.column(column).to_vec())));
         }
         self.predictions.extend(predictions);
         let (kind, note) = (contender.kind, contender.note.clone());
@@ -339,7 +350,7 @@ impl Bench {
         [Split::UnseenMaterial, Split::UnseenMaterialAndMethod].into_iter().filter_map(of).flatten().collect()
     }
 
-    /// What each metric of `headline` predicted for rows whose material it has not seen.
+    /// What each metric of `headline` predicted for rows whose material it has not seen, with the distances of all that have any.
     pub fn prediction_records(&self, headline: &[String]) -> Vec<PredictionRecord> {
         let found: Vec<(&str, &Predictions)> = self
             .predictions
@@ -347,7 +358,13 @@ impl Bench {
             .filter(|(name, split, _)| *split == Split::UnseenMaterial && headline.contains(name))
             .map(|(name, _, predictions)| (name.as_str(), predictions))
             .collect();
-        prediction_records(self.samples.rows(), &found)
+        let mut records = prediction_records(self.samples.rows(), &found);
+        for (name, distances) in &self.distances {
+            records.iter_mut().zip(distances).for_each(|(row, distance)| {
+                row.distances.insert(name.clone(), *distance);
+            });
+        }
+        records
     }
 
     /// How far `members` models of `member` differ on rows that they have not seen, each trained on resampled materials of the training

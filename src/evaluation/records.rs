@@ -303,6 +303,10 @@ pub struct PredictionRecord {
     pub mos: f64,
     /// Predicted MOS by metric.
     pub predicted: BTreeMap<String, f64>,
+    /// Distances by metric, in the unit of each, the larger the worse: of every metric that was judged by its distances. Empty in
+    /// records of before they were kept.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub distances: BTreeMap<String, f64>,
 }
 
 /// Everything that a run of the benchmark found, and how to run it again.

@@ -2,7 +2,12 @@
 //!
 //! `MATERIAL/reference` is the reference in its own camera, `MATERIAL/hidden-reference` the reference in the camera of the candidates, and
 //! `MATERIAL/METHOD` a candidate. Each is an `.exr` of linear radiance, a `.png` as a screen shows it, and a `.json` that says what they
-//! were made of, with the SHA-256 of both. A picture whose `.json` says the same and whose files are as it says is kept.
+//! were made of, with the SHA-256 of both. A picture whose `.json` says the same and whose files are as it says is kept. What is there
+//! already is found by [`found`](fn@found).
+
+mod found;
+
+pub use found::{Found, FoundError, FoundStimuli, found};
 
 use crate::dataset::Study;
 use crate::samples::shard::Shard;
@@ -19,8 +24,8 @@ use vernis_image::trace::{self, TraceError, Tracer};
 use vernis_metric::brdf::{BrdfError, BrdfSource, ContentHash};
 use vernis_metric::io::{Observer, Progress, read_at_most, silent};
 
-/// The layout of the `.json` beside a picture.
-pub const FORMAT: u32 = 1;
+/// The layout of the `.json` beside a picture. The first had no tone.
+pub const FORMAT: u32 = 2;
 /// More than any picture within the limits of a film takes.
 const MOST_BYTES: u64 = 1 << 30;
 
@@ -53,11 +58,26 @@ pub struct StimuliOptions {
     pub tone: (Tone, f64),
 }
 
+/// What a picture is to its study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// A reference, in its own camera.
+    Reference,
+    /// A reference in the camera of the candidates.
+    HiddenReference,
+    /// A candidate.
+    Candidate,
+}
+
 /// A picture of a study.
 #[derive(Debug, Clone)]
 pub struct Stimulus {
     /// Path in the folder, without ending: `MATERIAL/METHOD`.
     pub name: String,
+    /// What it is.
+    pub role: Role,
+    /// The place in the study of its pair; of a reference, of its first pair.
+    pub pair: usize,
     /// What is seen.
     pub source: BrdfSource,
     /// By which camera.
@@ -86,12 +106,26 @@ pub struct Sidecar {
     pub bounces: usize,
     /// Seed.
     pub seed: u64,
+    /// Tone curve of the PNG file: `exrdisplay`, `srgb` or `none`; `None` in files of the first layout.
+    #[serde(default)]
+    pub tone: Option<String>,
+    /// The power of the curve `exrdisplay`.
+    #[serde(default)]
+    pub gamma: Option<f64>,
+    /// Exposure of the PNG file, f-stops.
+    #[serde(default)]
+    pub exposure: Option<f64>,
     /// Mean error of the luminance where the BRDF was tabulated, as a share.
     pub tabulation_error: Option<f64>,
     /// SHA-256 of the files.
     pub exr: String,
     /// See `exr`.
     pub png: String,
+}
+
+/// The name of a view in a [`Sidecar`].
+fn camera(view: View) -> &'static str {
+    if view == View::Reference { "reference" } else { "test" }
 }
 
 /// What was done.
@@ -123,19 +157,21 @@ pub fn stimuli(study: &Study, shard: Shard) -> Vec<Stimulus> {
     for pairs in study.by_reference() {
         let Some(&first) = pairs.first() else { continue };
         let of_shard = places.binary_search(&first).is_ok();
-        let mut add = |name: String, source: &BrdfSource, view: View| {
+        let mut add = |name: String, role: Role, pair: usize, source: &BrdfSource| {
             let name = unique(name);
             if of_shard {
-                found.push(Stimulus { name, source: source.clone(), view });
+                let view = if role == Role::Reference { View::Reference } else { View::Test };
+                found.push(Stimulus { name, role, pair, source: source.clone(), view });
             }
         };
         let material = plain(&study.pairs[first].material);
         let reference = &study.pairs[first].reference;
-        add(format!("{material}/reference"), reference, View::Reference);
-        add(format!("{material}/hidden-reference"), reference, View::Test);
+        add(format!("{material}/reference"), Role::Reference, first, reference);
+        add(format!("{material}/hidden-reference"), Role::HiddenReference, first, reference);
         for place in pairs {
             let pair = &study.pairs[place];
-            add(format!("{}/{}", plain(&pair.material), plain(&pair.method)), &pair.candidate, View::Test);
+            let name = format!("{}/{}", plain(&pair.material), plain(&pair.method));
+            add(name, Role::Candidate, place, &pair.candidate);
         }
     }
     found
@@ -189,11 +225,14 @@ fn one(stimulus: &Stimulus, options: &StimuliOptions, stage: &mut Option<Tracer>
         identity,
         brdf: open.notation.clone(),
         content: open.content.to_string(),
-        camera: if stimulus.view == View::Reference { "reference" } else { "test" }.to_owned(),
+        camera: camera(stimulus.view).to_owned(),
         size: [film.width, film.height],
         samples: film.samples,
         bounces: film.bounces,
         seed: film.seed,
+        tone: Some(name_of(tone).to_owned()),
+        gamma: if let Tone::ExrDisplay { gamma } = tone { Some(gamma) } else { None },
+        exposure: Some(exposure),
         tabulation_error: tracer.tabulation().map(|t| t.mean_error),
         exr: ContentHash::of(&exr).to_string(),
         png: ContentHash::of(&png).to_string(),
@@ -208,11 +247,20 @@ fn one(stimulus: &Stimulus, options: &StimuliOptions, stage: &mut Option<Tracer>
     Ok(true)
 }
 
+/// The name of a tone curve in a [`Sidecar`], as `vernis render --tone` takes it.
+fn name_of(tone: Tone) -> &'static str {
+    match tone {
+        Tone::ExrDisplay { .. } => "exrdisplay",
+        Tone::Srgb => "srgb",
+        Tone::Linear => "none",
+    }
+}
+
 fn is_there(identity: &str, at: &impl Fn(&str) -> PathBuf) -> bool {
     let read = |ending: &str| read_at_most(&at(ending), MOST_BYTES).ok();
     let Some(sidecar) = read("json").and_then(|json| serde_json::from_slice::<Sidecar>(&json).ok()) else {
         return false;
     };
     let same = |ending: &str, said: &str| read(ending).is_some_and(|bytes| ContentHash::of(&bytes).to_string() == said);
-    sidecar.format == FORMAT && sidecar.identity == identity && same("exr", &sidecar.exr) && same("png", &sidecar.png)
+    sidecar.format <= FORMAT && sidecar.identity == identity && same("exr", &sidecar.exr) && same("png", &sidecar.png)
 }

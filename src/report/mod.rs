@@ -2,6 +2,7 @@
 
 #[cfg(feature = "train")]
 pub mod figures;
+pub mod gallery;
 pub mod image_metrics;
 pub mod landscape;
 pub mod losses;
@@ -19,6 +20,7 @@ pub mod tables;
 
 use crate::evaluation::records::BenchmarkRecord;
 use crate::panel::StudyRecord;
+use gallery::Gallery;
 use maud::html;
 pub use output::OutputFolder;
 use page::Head;
@@ -108,7 +110,7 @@ pub fn write_benchmark(
     };
     let body = html! {
         (page::benchmark::body(record, &figures))
-        (page::materials::section(materials, OPEN_MATERIALS, light, record.scale))
+        (page::materials::section(materials, OPEN_MATERIALS, light, record.scale, None))
         (page::files(&names))
     };
     folder.write("report.html", page::document(&head, &page::benchmark::headline(record), &body).as_bytes())
@@ -127,6 +129,8 @@ pub struct Whole<'a> {
     pub materials: &'a [Material],
     /// The light of the pictures, in words.
     pub light: &'a str,
+    /// Stimuli that are shown beside the pictures, and on a page of their own.
+    pub gallery: Option<&'a Gallery>,
     /// Energy of light probes by degree of spherical harmonics.
     #[cfg(feature = "train")]
     pub probes: &'a [figures::spectrum::Spectrum],
@@ -134,7 +138,8 @@ pub struct Whole<'a> {
     pub missing: &'a [String],
 }
 
-/// Writes the page of a study: its ratings, and how metrics agree with them. Returns the path of `report.html`.
+/// Writes the page of a study: its ratings, and how metrics agree with them; and `gallery.html` where there are stimuli. Returns the
+/// path of `report.html`.
 pub fn write_whole(folder: &OutputFolder, whole: &Whole<'_>) -> Result<PathBuf, ReportError> {
     let (of_ratings, mut missing) = draw_whole(whole)?;
     missing.extend_from_slice(whole.missing);
@@ -149,6 +154,9 @@ pub fn write_whole(folder: &OutputFolder, whole: &Whole<'_>) -> Result<PathBuf, 
         judged = (page::benchmark::headline(record), page::benchmark::body(record, &figures));
         provenance.extend(page::benchmark::provenance(record));
     }
+    if let Some(gallery) = whole.gallery {
+        folder.write(page::gallery::FILE, page::gallery::page(gallery)?.as_bytes())?;
+    }
     let title = match whole.benchmark {
         Some(record) => page::benchmark::title(record),
         None => study::title(whole.study),
@@ -158,7 +166,7 @@ pub fn write_whole(folder: &OutputFolder, whole: &Whole<'_>) -> Result<PathBuf, 
         (judged.1)
         h2 { "Ratings" }
         (page::study::body(whole.study, &of_ratings, &missing))
-        (page::materials::section(whole.materials, OPEN_MATERIALS, whole.light, whole.study.scale))
+        (page::materials::section(whole.materials, OPEN_MATERIALS, whole.light, whole.study.scale, whole.gallery))
         (page::files(&names))
     };
     folder.write("report.html", page::document(&head, &judged.0, &body).as_bytes())

@@ -1,5 +1,6 @@
 //! Pictures of a study's references and candidates, for its page.
 
+use super::gallery::Gallery;
 use super::page::materials::{Candidate, Material};
 use crate::dataset::Study;
 use crate::evaluation::records::BenchmarkRecord;
@@ -47,10 +48,11 @@ pub fn of_benchmark(
     base: Option<&Path>,
     benchmark: &BenchmarkRecord,
 ) -> Result<Vec<Material>, PictureError> {
-    of_study(study, base, Some(benchmark), &lamps(), MOST_OF_BENCHMARK)
+    of_study(study, base, Some(benchmark), &lamps(), MOST_OF_BENCHMARK, None)
 }
 
-/// The materials of `study`, those first on which the first metric of `benchmark` is furthest off, at most `most`.
+/// The materials of `study`, those first on which the first metric of `benchmark` is furthest off, at most `most`; with the
+/// stimuli that `gallery` has of them.
 ///
 /// # Errors
 /// A source that cannot be read, or that has no measured values.
@@ -60,6 +62,7 @@ pub fn of_study(
     benchmark: Option<&BenchmarkRecord>,
     light: &Light,
     most: usize,
+    gallery: Option<&Gallery>,
 ) -> Result<Vec<Material>, PictureError> {
     let errors: BTreeMap<&str, f64> =
         benchmark.iter().flat_map(|b| &b.residuals).map(|r| (r.material.as_str(), r.rms)).collect();
@@ -88,12 +91,14 @@ pub fn of_study(
                 Some(if b.scale == study.scale { score } else { study.scale.score(b.scale.grade(score)) })
             });
             let (method, picture) = (pair.method.clone(), shown(&pair.candidate)?);
-            Ok(Candidate { method, picture, mos: study.scale.stated(pair.mos), predicted: prediction })
+            let stimulus = gallery.and_then(|gallery| gallery.candidate(index)).cloned();
+            Ok(Candidate { method, picture, stimulus, mos: study.scale.stated(pair.mos), predicted: prediction })
         };
         let of_material = &pairs[*name];
         Ok(Material {
             name: (*name).to_owned(),
             reference: shown(&study.pairs[of_material[0]].reference)?,
+            stimuli: gallery.map_or([None; 2], |gallery| gallery.reference(of_material[0])).map(Option::<&_>::cloned),
             candidates: of_material.iter().map(candidate).collect::<Result<_, _>>()?,
             error: error(name),
         })

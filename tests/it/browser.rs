@@ -19,6 +19,19 @@ use vernis::report::tables::Table;
 use vernis::report::write_benchmark;
 
 const PROBE: &str = include_str!("browser/probe.js");
+/// Beside the frames: gives the keyboard to one that wants it, the next when that is done.
+const TURNS: &str = "
+    const waiting = [];
+    let busy = false;
+    addEventListener('message', ({ data, source }) => {
+      if (data === 'done') busy = false;
+      else waiting.push([...document.querySelectorAll('iframe')].find(frame => frame.contentWindow === source));
+      if (busy || !waiting.length) return;
+      busy = true;
+      const frame = waiting.shift();
+      frame.focus();
+      frame.contentWindow.postMessage('go', '*');
+    });";
 const NAMES: [&str; 5] = ["chromium", "chromium-browser", "google-chrome", "chrome", "chrome-headless-shell"];
 const WIDTHS: [u32; 2] = [380, 1280];
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -49,6 +62,31 @@ struct Seen {
     problems: Vec<String>,
     /// The cells of every column in the order of its first and of its second click, by caption and heading.
     columns: BTreeMap<String, [Vec<String>; 2]>,
+    gallery: Option<SeenGallery>,
+}
+
+/// What a reader does in a gallery.
+#[derive(Debug, Deserialize)]
+struct SeenGallery {
+    /// Material and method of every pair that is shown, by what they are sorted by, smallest and largest first.
+    sorted: BTreeMap<String, [Vec<String>; 2]>,
+    /// The same with the last material chosen, and with the last method.
+    filtered: [Vec<String>; 2],
+    /// The dialog of the pair with the lowest score, and after each key: left, right, h, left.
+    opened: Vec<Opened>,
+    /// Whether Escape closed the dialog, and the keyboard is where it was.
+    closed: bool,
+    back: bool,
+}
+
+#[derive(Debug, Deserialize)]
+struct Opened {
+    title: String,
+    rows: Vec<Vec<String>>,
+    /// The ends of the paths of both pictures.
+    pictures: Vec<String>,
+    /// Whether the page says that its pictures are not beside it.
+    alone: bool,
 }
 
 /// Ends the browser with the test, however that ends.
@@ -64,8 +102,12 @@ impl Drop for Running {
 
 /// What is seen of a page at each width in light and dark, and what else the console says.
 fn look(browser: &Path, page: &str) -> Result<(Vec<Seen>, Vec<String>), String> {
-    let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    look_in(tempfile::tempdir().unwrap().path(), browser, page)
+}
+
+/// The same of a page that lies in `folder`, beside its files.
+fn look_in(folder: &Path, browser: &Path, page: &str) -> Result<(Vec<Seen>, Vec<String>), String> {
+    let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
     // The encoding must be said in the first 1024 bytes, which the probe fills.
     let probed = page.replacen("<head>", &format!("<head><meta charset=\"utf-8\"><script>{PROBE}</script>"), 1);
     assert_ne!(probed, page, "a page has a head");
@@ -77,14 +119,14 @@ fn look(browser: &Path, page: &str) -> Result<(Vec<Seen>, Vec<String>), String> 
         }
     };
     let frames = html! { @for width in WIDTHS { @for scheme in ["light", "dark"] { (frame(width, scheme)) } } };
-    write("frames.html", &format!("<!DOCTYPE html>{}", frames.into_string()));
-    let log = folder.path().join("log");
+    write("frames.html", &format!("<!DOCTYPE html><script>{TURNS}</script>{}", frames.into_string()));
+    let log = folder.join("log");
     let started = Command::new(browser)
         // Pages of our own need no sandbox, which containers lack; without a profile no console is written.
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run"])
         .args(["--enable-logging=stderr"])
-        .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
-        .arg(format!("file://{}", folder.path().join("frames.html").display()))
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", folder.join("frames.html").display()))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(fs::File::create(&log).unwrap())
@@ -130,7 +172,11 @@ fn understand(log: &str) -> (Vec<Seen>, Vec<String>) {
 
 /// Looks at a page that must be without fault.
 fn look_without_fault(browser: &Path, page: &str) -> Vec<Seen> {
-    let (seen, said) = look(browser, page).unwrap_or_else(|message| panic!("{message}"));
+    without_fault(look(browser, page))
+}
+
+fn without_fault(found: Result<(Vec<Seen>, Vec<String>), String>) -> Vec<Seen> {
+    let (seen, said) = found.unwrap_or_else(|message| panic!("{message}"));
     assert!(said.is_empty(), "{said:#?}");
     let mut ways: Vec<(u32, bool)> = seen.iter().map(|s| (s.width, s.dark)).collect();
     ways.sort_unstable();
@@ -179,15 +225,103 @@ fn a_benchmark_has_no_fault_in_a_browser() {
     let mut png = io::Cursor::new(Vec::new());
     image::RgbaImage::new(48, 48).write_to(&mut png, image::ImageOutputFormat::Png).unwrap();
     let picture = png.into_inner();
-    let candidate = Candidate { method: "GGX <new>".into(), picture: picture.clone(), mos: 4.25, predicted: Some(3.5) };
-    let material =
-        Material { name: "teflon".into(), reference: picture, candidates: vec![candidate], error: Some(0.75) };
+    let candidate = Candidate {
+        method: "GGX <new>".into(),
+        picture: picture.clone(),
+        mos: 4.25,
+        predicted: Some(3.5),
+        stimulus: None,
+    };
+    let material = Material {
+        name: "teflon".into(),
+        reference: picture,
+        candidates: vec![candidate],
+        error: Some(0.75),
+        stimuli: [None, None],
+    };
     let folder = OutputFolder::create(dir.path()).unwrap();
     let path = write_benchmark(&folder, &super::report::record(false), &[material], "lamps").unwrap();
     let seen = look_without_fault(&browser, &fs::read_to_string(path).unwrap());
     assert!(seen.iter().all(|s| s.pictures == 2 && s.columns.len() > 30), "{seen:?}");
     // The tables of all metrics have eleven columns, which no page of 1,280 pixels has room for.
     assert!(seen.iter().all(|s| s.scrolling >= 2), "{seen:?}");
+}
+
+/// `gallery.html` as a reader uses it. The orders were written down by hand from the study in [`super::gallery`].
+#[test]
+fn a_gallery_is_sorted_filtered_opened_and_closed() {
+    let Some(browser) = browser() else { return };
+    let place = super::gallery::Place::rendered();
+    let page = place.report(&["--benchmark", "judged", "--scores", "scores.csv"]);
+    let html = fs::read_to_string(page.join("gallery.html")).unwrap();
+    for seen in without_fault(look_in(&page, &browser, &html)) {
+        // A reference, a hidden reference and two candidates of each of two materials.
+        assert_eq!(seen.pictures, 8);
+        let seen = seen.gallery.unwrap();
+        let order = |names: [&str; 4]| names.map(str::to_owned).to_vec();
+        let by_material = order(["stone WARD", "stone A/B", "wood WARD", "wood <new>"]);
+        let expected = BTreeMap::from(
+            [
+                ("material", by_material.clone(), order(["wood WARD", "wood <new>", "stone WARD", "stone A/B"])),
+                (
+                    "MOS",
+                    order(["wood WARD", "stone WARD", "wood <new>", "stone A/B"]),
+                    order(["stone A/B", "wood <new>", "stone WARD", "wood WARD"]),
+                ),
+                (
+                    "vernis",
+                    order(["wood <new>", "stone WARD", "wood WARD", "stone A/B"]),
+                    order(["stone A/B", "wood WARD", "stone WARD", "wood <new>"]),
+                ),
+                (
+                    "D9.Cl",
+                    order(["stone A/B", "wood WARD", "wood <new>", "stone WARD"]),
+                    order(["stone WARD", "wood <new>", "wood WARD", "stone A/B"]),
+                ),
+                // What is missing comes last.
+                (
+                    "mine </script>",
+                    order(["wood <new>", "stone WARD", "wood WARD", "stone A/B"]),
+                    order(["wood WARD", "stone WARD", "wood <new>", "stone A/B"]),
+                ),
+            ]
+            .map(|(by, up, down)| (by.to_owned(), [up, down])),
+        );
+        assert_eq!(seen.sorted, expected);
+        assert_eq!(seen.filtered[0], by_material[2..]);
+        assert_eq!(seen.filtered[1], [by_material[0].as_str(), by_material[2].as_str()]);
+        let row = |name: &str, value: &str, what: &str| [name, value, what].map(str::to_owned).to_vec();
+        let lowest = [
+            row("MOS", "2.00", "as rated"),
+            row("vernis", "3.50", "predicted MOS"),
+            row("D9.Cl", "0.02", "distance"),
+            row("mine </script>", "3000000", "scores.csv"),
+        ];
+        let titles: Vec<&str> = seen.opened.iter().map(|opened| opened.title.as_str()).collect();
+        // There is nothing before the first.
+        assert_eq!(titles, ["wood, WARD", "wood, WARD", "stone, WARD", "stone, WARD", "wood, WARD"]);
+        assert_eq!(seen.opened[0].rows, lowest);
+        assert_eq!(seen.opened[4].rows, lowest);
+        let pictures: Vec<String> = seen.opened.iter().map(|opened| opened.pictures.join(" ")).collect();
+        assert_eq!(
+            pictures,
+            [
+                "wood/reference.png wood/WARD.png",
+                "wood/reference.png wood/WARD.png",
+                "stone/reference.png stone/WARD.png",
+                "stone/hidden-reference.png stone/WARD.png",
+                "wood/hidden-reference.png wood/WARD.png",
+            ]
+        );
+        assert!(seen.closed && seen.back && seen.opened.iter().all(|opened| !opened.alone));
+    }
+    // The page alone shows its small pictures, and says so; the console tells what it did not find.
+    let (seen, said) = look(&browser, &html).unwrap_or_else(|message| panic!("{message}"));
+    assert!(said.iter().all(|line| line.contains("ERR_FILE_NOT_FOUND")), "{said:#?}");
+    for Seen { gallery, problems, .. } in seen {
+        let small = |opened: &Opened| opened.alone && opened.pictures == ["small", "small"];
+        assert!(problems.is_empty() && gallery.unwrap().opened.iter().all(small), "{problems:#?}");
+    }
 }
 
 /// The order was written down by hand.

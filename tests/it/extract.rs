@@ -212,6 +212,18 @@ fn metrics_are_judged_without_brdfs() {
     );
     assert!(srocc("close") > 0.97 && srocc("far").abs() < 0.5, "{} {}", srocc("close"), srocc("far"));
     assert!(metric("far")["version"].as_str().unwrap().starts_with("sha256 "));
+    // Every row keeps the distances of whatever was judged by them.
+    let judged = record["metrics"].as_array().unwrap().iter();
+    let judged = judged.filter(|m| ["lp", "graph", "external"].contains(&m["kind"].as_str().unwrap()));
+    let mut judged: Vec<&str> = judged.map(|m| m["name"].as_str().unwrap()).collect();
+    judged.sort_unstable();
+    for (k, row) in record["predictions"].as_array().unwrap().iter().enumerate() {
+        let distances = row["distances"].as_object().unwrap();
+        assert_eq!(distances.keys().collect::<Vec<_>>(), judged);
+        assert_eq!(distances["far"], (k * 13 % 17) as f64);
+        let close = study.study.pairs[k].mos + (k * 7 % 11) as f64 / 20.0;
+        assert!((distances["close"].as_f64().unwrap() + close).abs() < 1e-3, "negated, for larger is better");
+    }
     for name in ["close", "far"] {
         let compared = |d: &&serde_json::Value| d["a"] == "vernis" && d["b"] == name && d["split"] == "unseen-material";
         assert_eq!(record["differences"].as_array().unwrap().iter().filter(compared).count(), 2, "PLCC and SROCC");

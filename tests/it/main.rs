@@ -14,6 +14,7 @@ mod external;
 mod extract;
 mod fit;
 mod further;
+mod gallery;
 mod inputs;
 mod landscape;
 mod learned;

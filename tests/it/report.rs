@@ -182,8 +182,20 @@ fn read(folder: &OutputFolder, name: &str) -> String {
 
 /// A made-up material; the bytes stand for pictures.
 fn material() -> Material {
-    let candidate = Candidate { method: "GGX <new>".into(), picture: vec![1, 2, 3], mos: 4.25, predicted: Some(3.5) };
-    Material { name: "teflon".into(), reference: vec![0; 3], candidates: vec![candidate], error: Some(0.75) }
+    let candidate = Candidate {
+        method: "GGX <new>".into(),
+        picture: vec![1, 2, 3],
+        mos: 4.25,
+        predicted: Some(3.5),
+        stimulus: None,
+    };
+    Material {
+        name: "teflon".into(),
+        reference: vec![0; 3],
+        candidates: vec![candidate],
+        error: Some(0.75),
+        stimuli: [None, None],
+    }
 }
 
 /// The values of an attribute in a page.

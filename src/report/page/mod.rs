@@ -1,6 +1,7 @@
 //! Reports as one self-contained HTML page: no network, light and dark, readable on a phone.
 
 pub mod benchmark;
+pub mod gallery;
 pub mod materials;
 pub mod study;
 

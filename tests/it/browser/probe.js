@@ -1,6 +1,6 @@
 // The first script of a copied page: when all is loaded it looks at it as a reader would, and tells the console.
-addEventListener('load', () => setTimeout(() => {
-  const root = document.documentElement, problems = new Set(), columns = {};
+addEventListener('load', () => setTimeout(async () => {
+  const root = document.documentElement, problems = new Set(), columns = {}, pictures = document.images.length;
   let scrolling = 0;
   const short = element => element.outerHTML.replace(/\s+/g, ' ').slice(0, 80);
   for (const details of document.querySelectorAll('details')) details.open = true;
@@ -15,8 +15,11 @@ addEventListener('load', () => setTimeout(() => {
     if (!drawing.clientWidth || !drawing.clientHeight) problems.add(`no drawing: ${short(drawing)}`);
   }
 
-  const [needed, given] = [root.scrollWidth, root.clientWidth];
-  if (needed > given) problems.add(`too wide: ${needed} pixels in ${given}`);
+  const checkWidth = (element, what) => {
+    const [needed, given] = [element.scrollWidth, element.clientWidth];
+    if (needed > given) problems.add(`${what}: ${needed} pixels in ${given}`);
+  };
+  checkWidth(root, 'too wide');
   // The first column stays when a table is scrolled, and must leave room for the others.
   for (const pane of document.querySelectorAll('.table')) {
     const share = pane.querySelector('th').offsetWidth / pane.clientWidth;
@@ -46,14 +49,17 @@ addEventListener('load', () => setTimeout(() => {
     const colour = getComputedStyle(element).backgroundColor;
     return channels(colour)[3] === 0 && element.parentElement ? behind(element.parentElement) : colour;
   };
-  const words = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  for (let node = words.nextNode(); node; node = words.nextNode()) {
-    const element = node.parentElement;
-    if (!node.data.trim() || !element.getClientRects().length || element.closest('svg')) continue;
-    const [low, high] = [getComputedStyle(element).color, behind(element)].map(luminance).sort((a, b) => a - b);
-    const contrast = (high + 0.05) / (low + 0.05);
-    if (contrast < 4.5) problems.add(`contrast ${contrast.toFixed(1)}: ${short(element)}`);
-  }
+  const checkContrast = part => {
+    const words = document.createTreeWalker(part, NodeFilter.SHOW_TEXT);
+    for (let node = words.nextNode(); node; node = words.nextNode()) {
+      const element = node.parentElement;
+      if (!node.data.trim() || !element.getClientRects().length || element.closest('svg')) continue;
+      const [low, high] = [getComputedStyle(element).color, behind(element)].map(luminance).sort((a, b) => a - b);
+      const contrast = (high + 0.05) / (low + 0.05);
+      if (contrast < 4.5) problems.add(`contrast ${contrast.toFixed(1)}: ${short(element)}`);
+    }
+  };
+  checkContrast(document.body);
 
   // Every table by every column, up and down: numbers in order, words in order after them, no row lost.
   const number = text => {
@@ -84,6 +90,77 @@ addEventListener('load', () => setTimeout(() => {
     });
   }
 
-  const dark = matchMedia('(prefers-color-scheme: dark)').matches, pictures = document.images.length;
-  console.log('SEEN ' + JSON.stringify({ width: innerWidth, dark, pictures, scrolling, problems: [...problems], columns }));
+  // A gallery: sorted by everything both ways, filtered, and a pair opened, left, compared and closed as with a keyboard.
+  const visit = async () => {
+    const [material, method, sort, direction, dialog, alone] =
+      ['material', 'method', 'sort', 'direction', 'pair', 'alone'].map(id => document.getElementById(id));
+    const { pairs } = JSON.parse(document.getElementById('gallery-data').textContent);
+    const shown = () => [...document.querySelectorAll('[data-pair]')].filter(card => card.getClientRects().length);
+    const names = () => shown().map(card => `${pairs[card.dataset.pair].material} ${pairs[card.dataset.pair].method}`);
+    const choose = (select, value) => {
+      select.value = value;
+      select.dispatchEvent(new Event('change'));
+    };
+    const sorted = {};
+    for (const { value, textContent } of [...sort.options]) {
+      choose(sort, value);
+      sorted[textContent] = [1, 2].map(() => {
+        checkWidth(root, `too wide, sorted by ${textContent}`);
+        checkContrast(document.body);
+        const found = names();
+        direction.click();
+        return found;
+      });
+    }
+    const filtered = [material, method].map(select => {
+      choose(select, select.options[select.options.length - 1].value);
+      const found = names();
+      choose(select, '');
+      return found;
+    });
+    choose(sort, 'mos');
+    const look = async () => {
+      const pictures = [...dialog.querySelectorAll('.both img')];
+      await Promise.all(pictures.map(async picture => {
+        // One that is not there gives way to a small one.
+        await picture.decode().catch(() => new Promise(done => setTimeout(done, 200)));
+        if (!picture.complete || !picture.naturalWidth) problems.add(`no picture in the dialog: ${short(picture)}`);
+      }));
+      checkWidth(dialog, 'the dialog is too wide');
+      const { left, right } = dialog.getBoundingClientRect();
+      if (left < 0 || right > root.clientWidth) problems.add(`the dialog is cut: ${left} to ${right}`);
+      checkContrast(dialog);
+      return {
+        title: dialog.querySelector('h2').textContent,
+        rows: [...dialog.querySelectorAll('tbody tr')].map(row => [...row.cells].map(cell => cell.textContent)),
+        pictures: pictures.map(picture => picture.src.startsWith('data:') ? 'small' : picture.src.split('/').slice(-2).join('/')),
+        alone: !alone.hidden,
+      };
+    };
+    const press = async key => {
+      if (!dialog.contains(document.activeElement)) problems.add(`the dialog has lost the keyboard before ${key}`);
+      document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true }));
+      return dialog.open ? look() : null;
+    };
+    if (shown()[0].tabIndex < 0) problems.add('a card cannot be reached without a mouse');
+    shown()[0].click();
+    const opened = [await look()];
+    for (const key of ['ArrowLeft', 'ArrowRight', 'h', 'ArrowLeft']) opened.push(await press(key));
+    await press('Escape');
+    return { sorted, filtered, opened, closed: !dialog.open, back: document.activeElement === shown()[0] };
+  };
+  // The keyboard is in one frame at a time: the page around the frames gives it to each in turn.
+  const turn = () => new Promise(go => {
+    addEventListener('message', go, { once: true });
+    parent.postMessage('wants the keyboard', '*');
+  });
+  let gallery = null;
+  if (document.getElementById('gallery-data')) {
+    await turn();
+    gallery = await visit();
+    parent.postMessage('done', '*');
+  }
+
+  const dark = matchMedia('(prefers-color-scheme: dark)').matches;
+  console.log('SEEN ' + JSON.stringify({ width: innerWidth, dark, pictures, scrolling, problems: [...problems], columns, gallery }));
 }));

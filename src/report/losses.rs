@@ -3,7 +3,7 @@
 use super::markdown;
 use super::tables::Table;
 use crate::experiment::losses::compare::{Comparison, Verdict};
-use crate::experiment::losses::record::{LossesRecord, Searches};
+use crate::experiment::losses::record::{Blending, LossesRecord, Searches};
 use crate::experiment::losses::{Loss, OPINION};
 use std::collections::BTreeMap;
 use vernis_metric::io::counted;
@@ -28,9 +28,9 @@ pub fn markdown(record: &LossesRecord, command: &str) -> String {
         text += &wins(&title, comparisons).to_markdown();
         text += "\n";
     }
-    for (blended, parts) in &record.blending {
-        text += &format!("## {}: let in by degrees, or from the first step on\n\n", blended.name());
-        text += &blending(*blended, parts).to_markdown();
+    for Blending { loss, parts } in &record.blending {
+        text += &format!("## {}: let in by degrees, or from the first step on\n\n", loss.name());
+        text += &blending(*loss, parts).to_markdown();
         text += "\n";
     }
     text += "\n## Each model\n\n";
@@ -84,7 +84,7 @@ fn summary(record: &LossesRecord) -> String {
             _ => format!("* **Most often better than `{}`: {}.**\n", baseline.name(), best.join(" and ")),
         };
     }
-    for (blended, parts) in &record.blending {
+    for Blending { loss, parts } in &record.blending {
         for tally in parts.first().map(|(_, comparisons)| tallies(comparisons)).unwrap_or_default().values() {
             let helps = match (tally.better.len(), tally.worse.len()) {
                 (0, 0) => "makes no difference that these materials can show",
@@ -92,7 +92,7 @@ fn summary(record: &LossesRecord) -> String {
                 (0, _) => "harms",
                 _ => "helps by some judges and harms by others",
             };
-            let name = blended.name();
+            let name = loss.name();
             text +=
                 &format!("* **Blending {helps}** (`{name}`), against the same search without it: {}.\n", tally.words());
         }

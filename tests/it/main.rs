@@ -13,6 +13,7 @@ mod external;
 #[cfg(feature = "train")]
 mod extract;
 mod fit;
+#[cfg(feature = "train")]
 mod further;
 mod gallery;
 mod inputs;

@@ -25,6 +25,15 @@ pub struct Searches {
     pub evaluations: usize,
 }
 
+/// A loss that is let in by degrees against the same from the first step on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Blending {
+    /// The loss that is let in by degrees.
+    pub loss: Loss,
+    /// `all models`, then each model by its name.
+    pub parts: Vec<(String, Vec<Comparison>)>,
+}
+
 /// The experiment's findings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LossesRecord {
@@ -49,7 +58,7 @@ pub struct LossesRecord {
     /// Model by model, against the first baseline.
     pub by_model: Vec<(String, Vec<Comparison>)>,
     /// A loss that is let in by degrees against the same from the first step on: all models, then each.
-    pub blending: Vec<(Loss, Vec<(String, Vec<Comparison>)>)>,
+    pub blending: Vec<Blending>,
     /// One entry a loss.
     pub searches: Vec<Searches>,
 }
@@ -84,7 +93,7 @@ impl LossesRecord {
             if [blended, plain].iter().all(|loss| losses.contains(loss)) {
                 let mut parts = vec![("all models".to_owned(), against(plain, &[blended], &models)?)];
                 parts.extend(each(&[blended], plain)?);
-                blending.push((blended, parts));
+                blending.push(Blending { loss: blended, parts });
             }
         }
         Ok(Self {

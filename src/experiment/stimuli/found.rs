@@ -34,18 +34,11 @@ pub enum FoundError {
     #[error("{}: {reason}; it must be as `vernis render` writes it beside a picture", path.display())]
     Sidecar { path: PathBuf, reason: String },
     #[error(
-        "{} says that the picture shows {found} (SHA-256 {found_content}), but in {study} it is {notation} (SHA-256 {content}); \
+        "{} says that the picture shows {found}, but in {study} it is {expected}; \
          name the folder with the stimuli of this study, or render them anew",
         path.display()
     )]
-    AnotherStudy {
-        path: PathBuf,
-        found: String,
-        found_content: String,
-        study: String,
-        notation: String,
-        content: String,
-    },
+    AnotherStudy { path: PathBuf, found: String, study: String, expected: String },
     #[error("{}: {reason}; `vernis render` makes a damaged picture anew", path.display())]
     Broken { path: PathBuf, reason: String },
 }
@@ -119,13 +112,14 @@ fn one(study: &Study, stimulus: &Stimulus, folder: &Path, data: Option<&Path>) -
     }
     let brdf = stimulus.source.identify(data)?;
     if sidecar.content != brdf.content.to_string() {
+        let words = |notation: &str, content: &str| {
+            format!("{notation} (SHA-256 {})", content.chars().take(12).collect::<String>())
+        };
         return Err(FoundError::AnotherStudy {
             path,
-            found: sidecar.brdf,
-            found_content: sidecar.content.chars().take(12).collect(),
+            found: words(&sidecar.brdf, &sidecar.content),
             study: study.name.clone(),
-            notation: brdf.notation,
-            content: brdf.content.to_string().chars().take(12).collect(),
+            expected: words(&brdf.notation, &brdf.content.to_string()),
         });
     }
     let expected = camera(stimulus.view);

@@ -81,7 +81,7 @@ struct Shared {
     /// ~/.cache/vernis].
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,
-    /// Folder with what metrics on pictures need and may not ship: tables, weights of networks (`vernis data list` names the files)
+    /// Folder with what metrics on pictures need and may not ship: tables, weights of networks (`vernis data weights` lists the files)
     /// [default: that of the variable VERNIS_WEIGHTS].
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     weights: Option<PathBuf>,

@@ -189,6 +189,18 @@ def test_a_bad_row_is_named_or_gets_a_reason(plastic, rougher) -> None:
         vernis.score(rows, [])
 
 
+def test_metrics_on_stimuli(plastic, rougher) -> None:
+    small = "light=lamps,shape=sphere,size=16x24,samples=2"
+    found = vernis.compare(plastic, rougher, [f"stimulus[{name},{small}]" for name in ("ssim", "cielab", "flip")])
+    assert len(found) == 3 and all(value > 0 for value in found.values())
+    ssim = vernis.metric(f"stimulus[ssim,{small}]")
+    assert ssim(plastic, plastic) == 0 and not ssim.usable_as_loss
+    assert ssim.prepare(plastic).distance(rougher) == found[ssim.name]
+    for name, said in [("stimulus[nossim]", "vernis metrics"), ("stimulus[ssim,light=none.hdr]", "none.hdr"), ("stimulus[matsim]", "weights")]:
+        with pytest.raises(vernis.InputError, match=said):
+            vernis.metric(name)
+
+
 def test_the_operators_come_from_the_cache(cache, plastic) -> None:
     vernis.metric("vernis")(plastic, plastic)
 

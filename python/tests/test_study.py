@@ -116,6 +116,9 @@ def test_the_embedded_study_in_place_of_the_open_one_is_no_secret(tmp_path) -> N
         ({"study": "synthetic", "folds": 1}, vernis.InputError),
         ({"study": "synthetic", "resamples": 3}, vernis.InputError),
         ({"study": "synthetic", "seed": "one"}, vernis.InputError),
+        ({"study": "synthetic", "metrics": "stimulus[ssim]"}, vernis.InputError),
+        ({"study": "synthetic", "metrics": ["stimulus[sim]"]}, vernis.InputError),
+        ({"study": "synthetic", "metrics": ["vernis"]}, vernis.InputError),
     ],
 )
 def test_wrong_settings_are_refused(wrong, error) -> None:

@@ -130,16 +130,20 @@ fn wrong_input_is_one_message() {
 #[test]
 fn networks_say_which_weights_are_missing() {
     let place = Place::new();
-    let missing = "vernis: error: st-lpips-alex needs alex_shift_tolerant.pth (or alex_shift_tolerant.safetensors), which may not be \
+    // Large enough for the network, which the other pictures are not.
+    for name in ["large.png", "larger.png"] {
+        ImageBuffer::from_pixel(48, 40, Rgb([100u8, 50, 20])).save(place.0.path().join(name)).expect("written");
+    }
+    let missing = "vernis: st-lpips-alex needs alex_shift_tolerant.pth (or alex_shift_tolerant.safetensors), which may not be \
                    shipped; ";
     let listed = "(`vernis data weights` says where to get it)\n";
-    let said = place.mistake(&["ref.png", "test.png", "-m", "st-lpips-alex"]);
+    let said = place.mistake(&["large.png", "larger.png", "-m", "st-lpips-alex"]);
     assert!(said.contains(missing) && said.contains("with --weights") && said.ends_with(listed), "{said}");
     fs::create_dir(place.0.path().join("weights")).expect("a folder");
-    let said = place.mistake(&["ref.png", "test.png", "-m", "st-lpips-alex", "--weights", "weights"]);
+    let said = place.mistake(&["large.png", "larger.png", "-m", "st-lpips-alex", "--weights", "weights"]);
     assert!(said.contains(missing) && said.contains("the folder weights has no such file"), "{said}");
     fs::write(place.0.path().join("weights/alex_shift_tolerant.pth"), b"nothing").expect("written");
-    let said = place.mistake(&["ref.png", "test.png", "-m", "st-lpips-alex", "--weights", "weights"]);
+    let said = place.mistake(&["large.png", "larger.png", "-m", "st-lpips-alex", "--weights", "weights"]);
     assert!(said.contains("alex_shift_tolerant.pth: it is no PyTorch checkpoint: "), "{said}");
 }
 

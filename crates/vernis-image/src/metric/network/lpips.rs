@@ -13,7 +13,7 @@
 //! | `lpips-squeeze` | SqueezeNet 1.1 | the first ReLU, and the fire modules 2, 4, 5, 6, 7, 8 |
 //!
 //! Source: Zhang, Isola, Efros, Shechtman and Wang 2018, equation 1 (doi:10.1109/CVPR.2018.00068), version 0.1 of the weights. Agrees
-//! with the package `lpips` 0.1.4 (PyTorch, on torchvision's networks) within 1e-6. The map is that of its option `spatial`: each
+//! with the package `lpips` 0.1.4 (PyTorch, on torchvision's networks filled by formula) within 1e-6; their trained weights were never at hand. The map is that of its option `spatial`: each
 //! layer's differences, enlarged bilinearly to the size of the picture, and summed.
 //!
 //! Weights: the linear layers (`alex.pth`, `vgg.pth`, `squeeze.pth`) and the network of torchvision (`alexnet-owt-7be5be79.pth`,

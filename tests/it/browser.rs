@@ -19,19 +19,6 @@ use vernis::report::tables::Table;
 use vernis::report::write_benchmark;
 
 const PROBE: &str = include_str!("browser/probe.js");
-/// Beside the frames: gives the keyboard to one that wants it, the next when that is done.
-const TURNS: &str = "
-    const waiting = [];
-    let busy = false;
-    addEventListener('message', ({ data, source }) => {
-      if (data === 'done') busy = false;
-      else waiting.push([...document.querySelectorAll('iframe')].find(frame => frame.contentWindow === source));
-      if (busy || !waiting.length) return;
-      busy = true;
-      const frame = waiting.shift();
-      frame.focus();
-      frame.contentWindow.postMessage('go', '*');
-    });";
 const NAMES: [&str; 5] = ["chromium", "chromium-browser", "google-chrome", "chrome", "chrome-headless-shell"];
 const WIDTHS: [u32; 2] = [380, 1280];
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -119,7 +106,7 @@ fn look_in(folder: &Path, browser: &Path, page: &str) -> Result<(Vec<Seen>, Vec<
         }
     };
     let frames = html! { @for width in WIDTHS { @for scheme in ["light", "dark"] { (frame(width, scheme)) } } };
-    write("frames.html", &format!("<!DOCTYPE html><script>{TURNS}</script>{}", frames.into_string()));
+    write("frames.html", &format!("<!DOCTYPE html>{}", frames.into_string()));
     let log = folder.join("log");
     let started = Command::new(browser)
         // Pages of our own need no sandbox, which containers lack; without a profile no console is written.

@@ -112,6 +112,7 @@ addEventListener('load', () => setTimeout(async () => {
         return found;
       });
     }
+    choose(sort, 'material');
     const filtered = [material, method].map(select => {
       choose(select, select.options[select.options.length - 1].value);
       const found = names();
@@ -137,9 +138,17 @@ addEventListener('load', () => setTimeout(async () => {
         alone: !alone.hidden,
       };
     };
+    // A browser gives the keyboard to one of several frames alone, so that what the page asks for is looked at.
+    let focused = null;
+    const focus = HTMLElement.prototype.focus;
+    HTMLElement.prototype.focus = function (...options) {
+      focused = this;
+      focus.apply(this, options);
+    };
     const press = async key => {
-      if (!dialog.contains(document.activeElement)) problems.add(`the dialog has lost the keyboard before ${key}`);
-      document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true }));
+      const holds = dialog.contains(focused) && focused.matches(':enabled') && focused.getClientRects().length;
+      if (!holds) return problems.add(`the dialog has lost the keyboard before ${key}`);
+      focused.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true }));
       return dialog.open ? look() : null;
     };
     if (shown()[0].tabIndex < 0) problems.add('a card cannot be reached without a mouse');
@@ -147,19 +156,9 @@ addEventListener('load', () => setTimeout(async () => {
     const opened = [await look()];
     for (const key of ['ArrowLeft', 'ArrowRight', 'h', 'ArrowLeft']) opened.push(await press(key));
     await press('Escape');
-    return { sorted, filtered, opened, closed: !dialog.open, back: document.activeElement === shown()[0] };
+    return { sorted, filtered, opened, closed: !dialog.open, back: focused === shown()[0] };
   };
-  // The keyboard is in one frame at a time: the page around the frames gives it to each in turn.
-  const turn = () => new Promise(go => {
-    addEventListener('message', go, { once: true });
-    parent.postMessage('wants the keyboard', '*');
-  });
-  let gallery = null;
-  if (document.getElementById('gallery-data')) {
-    await turn();
-    gallery = await visit();
-    parent.postMessage('done', '*');
-  }
+  const gallery = document.getElementById('gallery-data') && await visit();
 
   const dark = matchMedia('(prefers-color-scheme: dark)').matches;
   console.log('SEEN ' + JSON.stringify({ width: innerWidth, dark, pictures, scrolling, problems: [...problems], columns, gallery }));

@@ -102,15 +102,19 @@
   previous.addEventListener('click', () => show(at - 1));
   next.addEventListener('click', () => show(at + 1));
   hidden.addEventListener('change', () => show(at));
-  document.getElementById('close').addEventListener('click', () => dialog.close());
-  dialog.addEventListener('click', event => event.target === dialog && dialog.close());
-  dialog.addEventListener('close', () => order[at].focus());
+  // To the pair that was shown last, not to that which was chosen first.
+  const leave = () => {
+    dialog.close();
+    order[at].focus();
+  };
+  document.getElementById('close').addEventListener('click', leave);
+  dialog.addEventListener('click', event => event.target === dialog && leave());
   dialog.addEventListener('keydown', event => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const act = {
       ArrowLeft: () => show(at - 1),
       ArrowRight: () => show(at + 1),
-      Escape: () => dialog.close(),
+      Escape: leave,
       h: () => hidden.click(),
     }[event.key === 'H' ? 'h' : event.key];
     if (!act) return;

@@ -112,6 +112,7 @@ addEventListener('load', () => setTimeout(async () => {
         return found;
       });
     }
+    choose(sort, 'material');
     const filtered = [material, method].map(select => {
       choose(select, select.options[select.options.length - 1].value);
       const found = names();
@@ -155,8 +156,6 @@ addEventListener('load', () => setTimeout(async () => {
     const opened = [await look()];
     for (const key of ['ArrowLeft', 'ArrowRight', 'h', 'ArrowLeft']) opened.push(await press(key));
     await press('Escape');
-    // The event that a dialog is closed comes later.
-    for (let wait = 0; wait < 100 && dialog.contains(focused); wait += 1) await new Promise(go => setTimeout(go, 20));
     return { sorted, filtered, opened, closed: !dialog.open, back: focused === shown()[0] };
   };
   const gallery = document.getElementById('gallery-data') && await visit();

@@ -81,7 +81,7 @@ pub fn run(shared: &Shared, args: CompareImagesArgs) -> Result<()> {
     let named = without_repetitions(named);
     let out = args.map.as_deref().map(|map| map_file(map, &args, &named)).transpose()?;
     let display = args.display.as_deref().and_then(Display::named);
-    let conditions = Conditions { ppd: args.ppd, display, ..workspace::conditions(shared, &named)? };
+    let conditions = Conditions { ppd: args.ppd, display, ..workspace::conditions(shared)? };
     let reference = read(&args.reference).map_err(user_error)?;
     let test = read(&args.test).map_err(user_error)?;
     let found = if named.is_empty() {
@@ -124,17 +124,12 @@ fn compared(
     with_map: bool,
 ) -> Result<Found> {
     let one = |metric: &Arc<dyn ImageMetric>| {
-        let prepared = metric.prepare(reference, conditions).map_err(|error| match error {
-            ImageMetricError::NoTable { .. } => {
-                user_error(format!("{error}, or name the folder of the table with --weights"))
+        let prepared = metric.prepare(reference, conditions).map_err(|error| match &error {
+            ImageMetricError::NoTable { folder, .. } | ImageMetricError::NoWeights { folder, .. } => {
+                let name = if folder.is_none() { "; name the folder that has it with --weights" } else { "" };
+                user_error(format!("{error}{name} (`vernis data weights` says where to get it)"))
             }
-            ImageMetricError::NoWeights { folder: None, .. } => user_error(format!(
-                "{error}; name the folder that has it with --weights (`vernis data weights` says where to get it)"
-            )),
-            ImageMetricError::NoWeights { .. } => {
-                user_error(format!("{error} (`vernis data weights` says where to get it)"))
-            }
-            other => user_error(other),
+            _ => user_error(error),
         })?;
         Ok((metric.clone(), prepared.compare(test, with_map).map_err(user_error)?))
     };

@@ -53,7 +53,7 @@ enum Question {
 #[command(after_help = "\
 Each trained metric becomes a file in OUT/metrics, each fit a file in OUT/fits; after an interruption (Ctrl-C, exit code 130;
 SIGTERM, 143) the same command continues with the next one. Files of another study or of other settings are refused. On two
-cores, 30 materials take about an hour.
+cores, 32 materials take several hours.
 
 Examples:
   vernis experiment losses --data ~/brdf-data --out out/losses
@@ -122,7 +122,7 @@ fn options(shared: &Shared, args: &LossesArgs) -> Result<LossesOptions> {
         folds: args.folds,
         resamples: args.resamples,
         seed: args.seed,
-        conditions: workspace::conditions(shared, &[])?,
+        conditions: workspace::conditions(shared)?,
         compute: !args.report,
     })
 }

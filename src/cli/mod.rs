@@ -77,7 +77,7 @@ struct Shared {
     // Variables are read below: clap would show an option that a variable sets as one that the usage demands.
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     data: Option<PathBuf>,
-    /// Cache folder for computed descriptors [default: that of the variable VERNIS_CACHE, else $XDG_CACHE_HOME/vernis or
+    /// Cache folder for what takes time: descriptors, distances, rendered pictures [default: that of the variable VERNIS_CACHE, else $XDG_CACHE_HOME/vernis or
     /// ~/.cache/vernis].
     #[arg(long, global = true, value_name = "DIR", value_parser = folder())]
     cache: Option<PathBuf>,

@@ -29,8 +29,8 @@ pub struct RenderingArgs {
     #[arg(long = "metric", short = 'm', value_name = "NAME")]
     metrics: Vec<String>,
     /// Options of stimulus[...] for all of them, such as samples=16,size=290x450.
-    #[arg(long, value_name = "KEY=VALUE,...", default_value = "")]
-    options: String,
+    #[arg(long, value_name = "KEY=VALUE,...")]
+    options: Option<String>,
     /// Number of references, one of each group of sister materials, 1 to 10000.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = limits::integer(1..=10_000_usize))]
     materials: usize,
@@ -52,7 +52,7 @@ pub fn run(shared: &Shared, args: &RenderingArgs) -> Result<()> {
         given => given.to_vec(),
     };
     let by_seed = |name: &String| -> Result<Vec<Arc<dyn Metric>>> {
-        let options = if args.options.is_empty() { String::new() } else { format!(",{}", args.options) };
+        let options = args.options.as_ref().map_or_else(String::new, |options| format!(",{options}"));
         let named = |seed: u64| registry.get(&format!("stimulus[{name}{options},seed={seed}]")).map_err(user_error);
         (0..args.seeds).map(named).collect()
     };

@@ -15,14 +15,14 @@ use crate::report::{self, Whole, pictures, write_whole};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use vernis_image::scene::study::{PROBE, SECOND_PROBE};
 use vernis_metric::io::read_at_most;
 use vernis_metric::light::source::Light;
 
 /// Far more than the record of the full study takes.
 const MOST_BYTES: u64 = 1 << 30;
 /// Light probes of the published study, in a data folder: name and file.
-const PROBES: [(&str, &str); 2] =
-    [("Grace", "envmaps/grace_probe_latlong.hdr"), ("Uffizi", "envmaps/uffizi_spica.hdr")];
+const PROBES: [(&str, &str); 2] = [("Grace", PROBE), ("Uffizi", SECOND_PROBE)];
 
 /// One page of a study: statistics and figures of its ratings, pictures of its materials, and how metrics agree with them.
 #[derive(Args)]

@@ -80,6 +80,7 @@ pub struct TrainArgs {
 Examples:
   vernis benchmark --study synthetic
   vernis benchmark --study my-ratings.csv --scores lpips.csv --higher-is-better ssim
+  vernis benchmark --study my-ratings.csv --metric 'stimulus[ssim]' --metric 'ot[p=2,blur=0.02]'
   vernis benchmark --study lavoue2021-open --data ~/brdf-data --seed 7 --out out/seed-7")]
 pub struct BenchmarkArgs {
     #[command(flatten)]

@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vernis_image::metric::{Conditions, ImageMetric, Lab2000HlTable, Need};
+use vernis_image::metric::Conditions;
 use vernis_image::stimulus;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
@@ -63,21 +63,13 @@ impl MetricChoice {
 
 /// Every metric, those on stimuli among them.
 pub fn registry(shared: &Shared) -> Result<Registry> {
-    Ok(stimulus::registry(shared.data.as_deref(), conditions(shared, &[])?)?)
+    Ok(stimulus::registry(shared.data.as_deref(), conditions(shared)?)?)
 }
 
-/// What the folder of weights holds. A metric of `named` that needs what is not there says so.
-pub fn conditions(shared: &Shared, named: &[Arc<dyn ImageMetric>]) -> Result<Conditions> {
+/// What the folder of weights holds.
+pub fn conditions(shared: &Shared) -> Result<Conditions> {
     let Some(folder) = &shared.weights else { return Ok(Conditions::default()) };
     check_weights_folder(folder)?;
-    let file = folder.join(Lab2000HlTable::FILE);
-    let needs = |metric: &Arc<dyn ImageMetric>| {
-        metric.properties().needs.iter().any(|need| matches!(need, Need::Lab2000HlTable { .. }))
-    };
-    if !file.exists() && named.iter().any(needs) {
-        // Says which file is missing.
-        Lab2000HlTable::read(&file).map_err(user_error)?;
-    }
     Conditions::of_folder(folder).map_err(user_error)
 }
 

@@ -391,6 +391,11 @@ fn retrained_before() -> String {
 }
 
 impl BenchmarkRecord {
+    /// One of its scores on `scale`.
+    pub fn restated(&self, score: f64, scale: RatingScale) -> f64 {
+        if self.scale == scale { score } else { scale.score(self.scale.grade(score)) }
+    }
+
     /// The model of the ablation with all of its descriptors.
     pub fn retrained_metric(&self) -> Option<&MetricRecord> {
         self.metric(&self.retrained)

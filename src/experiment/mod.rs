@@ -18,6 +18,8 @@ pub mod optimizers;
 #[cfg(feature = "train")]
 pub mod plan;
 #[cfg(feature = "train")]
+mod provenance;
+#[cfg(feature = "train")]
 pub mod rebuilt;
 pub mod refit;
 pub mod rendering;

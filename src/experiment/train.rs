@@ -15,10 +15,11 @@ use super::contenders::{RunInfo, StudyBenchmark, measure, taken};
 use super::external::ExternalScores;
 use super::further::Further;
 use super::plan::Plan;
+use super::provenance::{command_line, file_name, metric_versions, reached, scale_option, versions};
 use crate::dataset::triplets::StudyTriplets;
-use crate::dataset::{DeclaredScale, Study, manifest};
+use crate::dataset::{Study, manifest};
 use crate::evaluation::protocol::Protocol;
-use crate::evaluation::records::{BenchmarkRecord, RowSet, Split};
+use crate::evaluation::records::{BenchmarkRecord, Split};
 use crate::samples::Samples;
 use crate::samples::extracted::ExtractedStudy;
 use crate::samples::extraction::{Extraction, Extractor};
@@ -29,16 +30,15 @@ use crate::train::embedding_folds::{Learner, TableBank, embedded_folds};
 use crate::train::ensemble::bootstrap_members;
 use crate::train::export::{Export, provenance};
 use crate::train::{Trainer, recipe};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_metric::brdf::BrdfSource;
 use vernis_metric::brdf::formats::materials;
-use vernis_metric::descriptor::{Cache, CacheWarning, DescriptorOptions, DescriptorSet, Setup, VERSION};
+use vernis_metric::descriptor::{Cache, CacheWarning, DescriptorOptions, DescriptorSet, Setup};
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::metric::Metric;
 use vernis_metric::metric::learned::ExportedMetric;
-use vernis_metric::metric::learned::exported::{Descriptors, Interval, Reached};
+use vernis_metric::metric::learned::exported::{Descriptors, Interval};
 use vernis_metric::metric::lp::LpVariant;
 use vernis_metric::metric::registry::Registry;
 
@@ -177,7 +177,7 @@ pub enum Purpose {
 }
 
 impl Purpose {
-    fn command(self) -> &'static str {
+    pub(super) fn command(self) -> &'static str {
         match self {
             Self::Train => "train",
             Self::Benchmark => "benchmark",
@@ -497,7 +497,7 @@ pub fn metric_file(name: &str) -> String {
 }
 
 /// The embedded study is there to show the whole job on any machine, in a minute or two.
-fn default_folds(study: &Study) -> usize {
+pub(super) fn default_folds(study: &Study) -> usize {
     if study.synthetic { 5 } else { 10 }
 }
 
@@ -515,89 +515,4 @@ pub(super) fn unrated(data: Option<&Path>) -> Result<Vec<BrdfSource>, Experiment
         }
     }
     Ok(found)
-}
-
-fn file_name(study: &Study) -> String {
-    Path::new(&study.name).file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// The option that declares the scale of a file's ratings, where they are not 1 to 5.
-fn scale_option(study: &Study) -> String {
-    if study.scale.is_grades() { String::new() } else { format!(" --scale {}", DeclaredScale::of_scale(study.scale)) }
-}
-
-/// What to type for the same bytes: without folders, which do not matter.
-fn command_line(purpose: Purpose, source: &str, study: &Study, options: &BenchmarkOptions, setup: &str) -> String {
-    let mut line = format!("vernis {} {source} --seed {}", purpose.command(), options.seed);
-    let folds = (folds_of(options, study), default_folds(study));
-    for (flag, (value, default)) in [("folds", folds), ("resamples", (options.resamples, RESAMPLES))] {
-        if value != default {
-            line += &format!(" --{flag} {value}");
-        }
-    }
-    if options.variants {
-        line += " --variants";
-    }
-    line += &options.further.arguments();
-    line.extend(options.scores.as_ref().map(ExternalScores::arguments));
-    if options.descriptors != DescriptorOptions::default() {
-        line += &format!(" ({setup})");
-    }
-    line
-}
-
-/// Versions of the program, the descriptors, the recipe, and each family of metrics.
-fn versions(setup: &str, metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
-    let mut versions: BTreeMap<String, String> =
-        metrics.iter().map(|metric| (metric.properties().family.to_owned(), metric.version().to_owned())).collect();
-    versions.extend(
-        [
-            ("vernis", env!("CARGO_PKG_VERSION").to_owned()),
-            ("descriptors", format!("{VERSION} ({setup})")),
-            ("metric", recipe::METRIC_VERSION.to_owned()),
-        ]
-        .map(|(name, version)| (name.to_owned(), version)),
-    );
-    versions
-}
-
-/// Versions of the numbers of every metric that is judged.
-fn metric_versions(metrics: &[Arc<dyn Metric>]) -> BTreeMap<String, String> {
-    let classical = metrics.iter().map(|metric| (metric.name().to_owned(), metric.version().to_owned()));
-    let learned = [recipe::NAME, recipe::LOSS_NAME].map(|name| (name.to_owned(), recipe::METRIC_VERSION.to_owned()));
-    classical.chain(learned).collect()
-}
-
-/// The headline figures of a learned metric.
-fn reached(record: &BenchmarkRecord, name: &str) -> Vec<Reached> {
-    let Some(metric) = record.metric(name) else { return Vec::new() };
-    let mut asked = vec![
-        (Split::UnseenMaterial, RowSet::All),
-        (Split::UnseenMaterial, RowSet::WithoutSetAside),
-        (Split::UnseenMaterialAndMethod, RowSet::All),
-    ];
-    for set in record.named_row_sets().into_iter().skip(1) {
-        asked.extend([Split::UnseenMaterial, Split::UnseenMaterialAndMethod].map(|split| (split, set.clone())));
-    }
-    let mut found = Vec::new();
-    for (split, row_set) in asked {
-        let rows = match &row_set {
-            RowSet::All => split.label().to_owned(),
-            set => format!("{}, {}", split.label(), record.rows_in_words(set)),
-        };
-        let Some(judgement) = metric.judgement(split, row_set) else { continue };
-        let (agreement, intervals) = (&judgement.agreement, &judgement.intervals);
-        for (measure, value, interval) in
-            [("plcc", agreement.plcc, intervals.plcc), ("srocc", agreement.srocc, intervals.srocc)]
-        {
-            found.push(Reached {
-                measure: measure.to_owned(),
-                rows: rows.clone(),
-                value,
-                low: interval.low,
-                high: interval.high,
-            });
-        }
-    }
-    found
 }

@@ -287,13 +287,9 @@ fn columns_of(study: &Study, record: &BenchmarkRecord) -> Vec<Column> {
         kind,
         values: rows.iter().map(|row| row.and_then(value)).collect(),
     };
-    let on_scale = |score: f64| {
-        if record.scale == study.scale { score } else { study.scale.score(record.scale.grade(score)) }
-    };
-    let predicted = record
-        .headline
-        .iter()
-        .map(|name| column(name, Kind::Predicted, &|row| row.predicted.get(name).copied().map(on_scale)));
+    let predicted = record.headline.iter().map(|name| {
+        column(name, Kind::Predicted, &|row| row.predicted.get(name).map(|score| record.restated(*score, study.scale)))
+    });
     let names: BTreeSet<&String> = record.predictions.iter().flat_map(|row| row.distances.keys()).collect();
     let distances = names.into_iter().map(|name| column(name, Kind::Distance, &|row| row.distances.get(name).copied()));
     predicted.chain(distances).collect()

@@ -88,7 +88,7 @@ pub fn of_study(
                 let row = b.predictions.iter().find(|p| p.material == pair.material && p.method == pair.method)?;
                 // Both are told on the scale of the study.
                 let score = row.predicted.get(subject).copied()?;
-                Some(if b.scale == study.scale { score } else { study.scale.score(b.scale.grade(score)) })
+                Some(b.restated(score, study.scale))
             });
             let (method, picture) = (pair.method.clone(), shown(&pair.candidate)?);
             let stimulus = gallery.and_then(|gallery| gallery.candidate(index)).cloned();

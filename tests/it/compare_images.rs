@@ -110,7 +110,10 @@ fn wrong_input_is_one_message() {
         (&["ref.png", "test.png", "-m", "sism"], "did you mean ssim"),
         (&["ref.png", "test.png", "-m", "hdr-flip"], "hdr-flip needs linear light"),
         (&["ref.png", "test.png", "-m", "icid"], "without it use icid-cielab"),
-        (&["ref.png", "test.png", "-m", "icid", "--weights", "."], "lab2000hl_ab.f32: No such file"),
+        (
+            &["ref.png", "test.png", "-m", "icid", "--weights", "."],
+            "icid needs the table of LAB2000HL, which may not be shipped; the folder . has no lab2000hl_ab.f32; without it use icid-cielab",
+        ),
         (&["ref.png", "test.png", "--weights", "nowhere"], "--weights nowhere is no folder"),
         (&["ref.png", "test.png", "--ppd", "0"], "there are 0 pixels a degree; there must be 1 to 1000"),
         (&["ref.png", "missing.png"], "missing.png: "),

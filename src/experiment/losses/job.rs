@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use vernis_image::metric::{Conditions, ImageRegistry};
 use vernis_image::picture::Encoding;
+use vernis_image::scene::study::{PROBE, SECOND_PROBE};
 use vernis_image::stimulus;
 use vernis_metric::descriptor::{Cache, DescriptorOptions, DescriptorSet, Lights, Setup, ShapeChoice};
 use vernis_metric::io::{FolderLock, Observer, Progress, write_atomically};
 use vernis_metric::metric::graph::GraphGrid;
 
 /// The study's light probes.
-const PROBES: [(&str, &str); 2] =
-    [("grace", "envmaps/grace_probe_latlong.hdr"), ("uffizi", "envmaps/uffizi_spica.hdr")];
+const PROBES: [(&str, &str); 2] = [("grace", PROBE), ("uffizi", SECOND_PROBE)];
 /// The models that are fitted.
 const MODELS: [&str; 4] = ["ggx", "ward-duer", "blinn-phong", "principled"];
 /// Metrics on pictures that judge, where they have what they need; one in the place of another that has not.

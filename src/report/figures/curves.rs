@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use vernis_image::stimulus::{Cameras, plain};
 use vernis_metric::math::rating_scale::RatingScale;
 
-/// Panels, two a row, of ratings against distances.
+/// Panels of ratings against distances, two a row, three where there are many.
 pub(super) struct Curves<'a> {
     title: String,
     methods: Vec<&'a str>,
@@ -17,7 +17,8 @@ pub(super) struct Curves<'a> {
     scale: RatingScale,
 }
 
-const PANEL: (f64, f64) = (450.0, 400.0);
+/// More panels than this are smaller, three a row.
+const FEW: usize = 8;
 const TOP: f64 = 60.0;
 
 impl<'a> Curves<'a> {
@@ -49,32 +50,46 @@ impl<'a> Curves<'a> {
         })
     }
 
-    fn rows(&self) -> f64 {
-        self.panels.len().div_ceil(2) as f64
+    /// Panels a row.
+    fn across(&self) -> usize {
+        if self.panels.len() > FEW { 3 } else { 2 }
+    }
+
+    /// Width and height of a panel.
+    fn panel(&self) -> (f64, f64) {
+        (f64::from(WIDTH) / self.across() as f64, if self.across() == 2 { 400.0 } else { 300.0 })
+    }
+
+    /// Height of all panels.
+    fn height(&self) -> f64 {
+        self.panel().1 * self.panels.len().div_ceil(self.across()) as f64
     }
 }
 
 impl Picture for Curves<'_> {
     fn size(&self) -> (u32, u32) {
         let legend = 26.0 * self.methods.len().div_ceil(3) as f64;
-        (WIDTH, (TOP + PANEL.1 * self.rows() + legend + 30.0) as u32)
+        (WIDTH, (TOP + self.height() + legend + 30.0) as u32)
     }
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Drawn {
         canvas.words(&self.title, (20.0, 24.0), TITLE, Anchor::Left)?;
+        let (width, height) = self.panel();
         for (i, panel) in self.panels.iter().enumerate() {
-            let corner = (PANEL.0 * (i % 2) as f64, TOP + PANEL.1 * (i / 2) as f64);
+            let corner = (width * (i % self.across()) as f64, TOP + height * (i / self.across()) as f64);
             let most = panel.points.iter().map(|p| p.distance).fold(0.0, f64::max);
-            let x = Axis { data: (0.0, most.max(f64::MIN_POSITIVE)), pixels: (corner.0 + 50.0, corner.0 + 430.0) };
+            let x =
+                Axis { data: (0.0, most.max(f64::MIN_POSITIVE)), pixels: (corner.0 + 50.0, corner.0 + width - 20.0) };
             let range = (self.scale.low(), self.scale.high());
-            let y = Axis { data: range, pixels: (corner.1 + 340.0, corner.1 + 30.0) };
+            let y = Axis { data: range, pixels: (corner.1 + height - 60.0, corner.1 + 30.0) };
             canvas.words(&panel.metric, (x.pixels.1, y.pixels.0 + 44.0), TEXT, Anchor::Right)?;
             canvas.words(&scored(self.scale), (corner.0 + 20.0, corner.1 + 8.0), TEXT, Anchor::Left)?;
             for tick in y.ticks(round_step(range.1 - range.0)) {
                 canvas.line((x.pixels.0, y.at(tick)), (x.pixels.1, y.at(tick)), FAINT, 1.0)?;
                 canvas.words(&shown(tick), (x.pixels.0 - 12.0, y.at(tick)), TEXT, Anchor::Right)?;
             }
-            let step = round_step(most);
+            // Narrow panels have room for half as many numbers.
+            let step = round_step(if self.across() == 2 { most } else { 2.0 * most });
             for tick in x.ticks(step) {
                 canvas.line((x.at(tick), y.pixels.0), (x.at(tick), y.pixels.1), FAINT, 1.0)?;
                 let digits = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
@@ -92,7 +107,7 @@ impl Picture for Curves<'_> {
             }
         }
         let third = self.methods.len().div_ceil(3);
-        let top = TOP + PANEL.1 * self.rows() + 12.0;
+        let top = TOP + self.height() + 12.0;
         for (i, method) in self.methods.iter().enumerate() {
             let at = (30.0 + 290.0 * (i / third) as f64, top + 26.0 * (i % third) as f64);
             canvas.mark(i, at, 6.0)?;

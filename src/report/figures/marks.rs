@@ -4,6 +4,7 @@
 //! colour comes with a mark of its own, so that the figures also read in grey. Words are set in DejaVu Sans, cut down
 //! to Latin and Greek, from this file's folder (licence beside it): plotters has no font without one.
 
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -80,7 +81,8 @@ pub(super) fn png(picture: &impl Picture, scale: u32) -> Result<Vec<u8>, String>
     let mut pixels = vec![0; (width * height * 3) as usize];
     draw(picture, BitMapBackend::with_buffer(&mut pixels, (width, height)), f64::from(scale), BITMAP_SINK)?;
     let mut file = Vec::new();
-    let encoder = image::codecs::png::PngEncoder::new(&mut file);
+    // Flat colours are smaller without a filter.
+    let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::NoFilter);
     image::ImageEncoder::write_image(encoder, &pixels, width, height, image::ColorType::Rgb8)
         .map_err(|e| e.to_string())?;
     Ok(file)

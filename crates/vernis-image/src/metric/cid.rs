@@ -54,7 +54,10 @@ pub(super) fn space(
     match &conditions.table {
         _ if in_cielab => Ok(Space::Cielab),
         Some(table) => Ok(Space::Lab2000Hl(table.clone())),
-        None => Err(ImageMetricError::NoTable { metric, fallback }),
+        None => {
+            let folder = conditions.weights.as_ref().map(|weights| weights.folder().to_owned());
+            Err(ImageMetricError::NoTable { metric, fallback, folder })
+        }
     }
 }
 

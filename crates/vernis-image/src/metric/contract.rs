@@ -367,13 +367,16 @@ pub enum ImageMetricError {
     },
     /// No table.
     #[error(
-        "{metric} needs the table of LAB2000HL, which may not be shipped; without it use {fallback}, the same metric in CIELAB"
+        "{metric} needs the table of LAB2000HL, which may not be shipped{}; without it use {fallback}, the same metric in CIELAB",
+        folder.as_ref().map_or(String::new(), |f| format!("; the folder {} has no {}", f.display(), Lab2000HlTable::FILE))
     )]
     NoTable {
         /// The metric.
         metric: &'static str,
         /// The metric that needs none.
         fallback: &'static str,
+        /// The folder where it was looked for, if the user named one.
+        folder: Option<PathBuf>,
     },
     /// No weights.
     #[error(

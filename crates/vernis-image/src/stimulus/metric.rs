@@ -8,8 +8,9 @@ use crate::scene::study::{self, View};
 use crate::scene::{Reflectance, SceneError};
 use crate::trace::{self, TraceError, Tracer};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use vernis_metric::brdf::models::Lambert;
 use vernis_metric::brdf::{Brdf, ContentHash};
 use vernis_metric::descriptor::{Cache, CacheWarning};
@@ -38,7 +39,7 @@ struct Common {
     data: Option<PathBuf>,
     conditions: Conditions,
     /// By setting.
-    stages: Mutex<BTreeMap<String, Arc<OnceLock<Stage>>>>,
+    stages: Mutex<BTreeMap<String, Arc<Stage>>>,
     cache: Mutex<Option<Cache>>,
 }
 
@@ -107,17 +108,13 @@ impl StimulusMetric {
     }
 
     /// The scene of the setting, made once for all metrics.
-    fn stage(&self) -> Result<Arc<OnceLock<Stage>>, MetricError> {
-        let slot = {
-            let mut stages = self.common.stages.lock().unwrap_or_else(PoisonError::into_inner);
-            stages.entry(self.key()).or_default().clone()
-        };
-        if slot.get().is_none() {
-            let stage = self.build()?;
-            // Another thread may have been faster; both made the same.
-            let _ = slot.set(stage);
-        }
-        Ok(slot)
+    fn stage(&self) -> Result<Arc<Stage>, MetricError> {
+        // Held while a scene is built: whoever asks for the same waits instead of building it again.
+        let mut stages = self.common.stages.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(match stages.entry(self.key()) {
+            Entry::Occupied(known) => known.get().clone(),
+            Entry::Vacant(place) => place.insert(Arc::new(self.build()?)).clone(),
+        })
     }
 
     fn build(&self) -> Result<Stage, MetricError> {
@@ -174,7 +171,7 @@ impl Metric for StimulusMetric {
         let Setting { tone, exposure, .. } = self.setting;
         let Conditions { ppd, display, .. } = &self.conditions;
         // A scene that cannot be read ends whatever would use the identity.
-        let scene = self.stage().ok().and_then(|slot| Some(slot.get()?.identity.clone())).unwrap_or_else(|| self.key());
+        let scene = self.stage().map_or_else(|_| self.key(), |stage| stage.identity.clone());
         let given = self.conditions.contents(&self.image.properties().needs);
         let given = if given.is_empty() { given } else { format!(" {given}") };
         format!("{} {} {scene} {tone:?} {exposure:?} {ppd:?} {display:?}{given}", self.name, self.version)
@@ -326,10 +323,7 @@ impl StimulusMetric {
 
     /// By the candidate's camera.
     fn seen(&self, brdf: &dyn Brdf, side: Side) -> Result<Seen, MetricError> {
-        let slot = self.stage()?;
-        let not_ready = || MetricError::NotComputed { metric: self.name.clone(), reason: "no scene".to_owned() };
-        let stage = slot.get().ok_or_else(not_ready)?;
-        let tracer = self.traced(stage.tracer.of_brdf(brdf, View::Test.camera()), side)?;
+        let tracer = self.traced(self.stage()?.tracer.of_brdf(brdf, View::Test.camera()), side)?;
         let content = tracer.surface_content();
         Ok(Seen { tracer, content })
     }
@@ -337,8 +331,7 @@ impl StimulusMetric {
     /// The picture, from the cache where it is there.
     fn picture(&self, seen: &Seen, side: Side) -> Result<Picture, MetricError> {
         let cache = self.common.cache.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let identity = self.stage()?.get().map_or_else(String::new, |stage| stage.identity.clone());
-        let key = format!("stimulus {identity} {:?} {}", seen.tracer.camera(), seen.content);
+        let key = format!("stimulus {} {:?} {}", self.stage()?.identity, seen.tracer.camera(), seen.content);
         let [width, height] = [self.setting.film.width, self.setting.film.height];
         if let Some(bytes) = cache.as_ref().and_then(|cache| cache.load_bytes(&key)) {
             let (numbers, rest) = bytes.as_chunks::<12>();

@@ -1,5 +1,6 @@
 //! How stimuli of a metric are made, and how a name says it.
 
+use super::FAMILY;
 use crate::display::Display;
 use crate::display::tone::{DEFAULT_GAMMA, Tone};
 use crate::metric::{ImageMetric, ImageRegistry};
@@ -84,7 +85,7 @@ impl Setting {
 
 /// The metric on pictures and the cameras of a name that says no more, such as `stimulus[ssim,camera=offset]`; `None` for other names.
 pub fn plain(name: &str) -> Option<(&str, Cameras)> {
-    let inner = name.strip_prefix("stimulus[")?.strip_suffix(']')?;
+    let inner = name.strip_prefix(FAMILY)?.strip_prefix('[')?.strip_suffix(']')?;
     match inner.split_once(',') {
         None => (!inner.contains('=')).then_some((inner, Cameras::Same)),
         Some((metric, rest)) => Some((metric, Cameras::named(rest.strip_prefix("camera=")?)?)),

@@ -1,4 +1,4 @@
-//! Where a BRDF is sampled: half vectors by its own retro-reflective slice, mixed with a cosine lobe.
+//! Where a BRDF is sampled: half vectors by its own retro-reflective slice, mixed with a cosine lobe and a uniform one.
 //!
 //! The slice r(t) = luminance of f(w, w), w at angle t from the normal, is D(t) G F0 / (4 cos^2 t) plus a diffuse part for a surface of
 //! facets (Dupuy et al. 2015, doi:10.1111/cgf.12758). With its least value over t < 75 degrees taken away, (r - r_min) cos^3 t is near the
@@ -6,7 +6,9 @@
 //! chosen from it uniformly in solid angle inside a bin. The density of the light's direction is p(h) / (4 h.wo).
 //!
 //! The share of the half vectors is that of the energy which the BRDF reflects above its diffuse part, by the angle of the viewer, from
-//! 0.05 to 0.95; a BRDF that is the same everywhere has none. This decides the noise of a picture and never its mean.
+//! 0.05 to 0.95; a BRDF that is the same everywhere has none. A tenth of the rest is uniform over the hemisphere: the cosine lobe goes
+//! to zero at grazing angles, where some BRDFs are thousands of times brighter than elsewhere, and single samples would decide a pixel.
+//! This decides the noise of a picture and never its mean.
 
 use super::reflectance::{Value, luminance};
 use super::sampler::{Sampler, unit};
@@ -19,6 +21,11 @@ const BINS: usize = 256;
 const ANGLES: usize = 9;
 /// Samples that an albedo is estimated from.
 const SAMPLES: u32 = 512;
+
+/// Of the directions that no half vector gives, the share that is uniform over the hemisphere.
+const UNIFORM: f32 = 0.1;
+/// Density of a direction that is uniform over the hemisphere, 1/sr.
+const FRAC_1_TAU: f32 = 0.5 * FRAC_1_PI;
 
 /// The lobe of half vectors.
 pub struct Lobe {
@@ -101,7 +108,8 @@ impl Lobe {
         let [a, b] = place;
         let picked = unit(choice as u32);
         if picked >= share {
-            return cosine(a, b);
+            // The upper half of `choice` is free here: below it tells where in a bin a half vector lies.
+            return if unit((choice >> 32) as u32) < UNIFORM { uniform(a, b) } else { cosine(a, b) };
         }
         let wide = u64::from(a) * BINS as u64;
         let (slot, rest) = ((wide >> 32) as usize, wide as u32);
@@ -121,7 +129,7 @@ impl Lobe {
     /// Density of [`Lobe::sample`], 1/sr.
     #[inline]
     pub fn density(&self, wi: Vec3A, wo: Vec3A, share: f32) -> f32 {
-        let cosine = FRAC_1_PI * wi.z.max(0.0);
+        let broad = UNIFORM * FRAC_1_TAU + (1.0 - UNIFORM) * FRAC_1_PI * wi.z.max(0.0);
         let sum = wi + wo;
         let length = sum.length();
         let h = sum / length;
@@ -130,7 +138,7 @@ impl Lobe {
         let tan = (h.x * h.x + h.y * h.y).sqrt() / (1.0 + h.z);
         let bin = ((tan.sqrt() * BINS as f32) as usize).min(BINS - 1);
         let half = if cos_d > 0.0 { self.density[bin] / (4.0 * cos_d) } else { 0.0 };
-        share * half + (1.0 - share) * cosine
+        share * half + (1.0 - share) * broad
     }
 }
 
@@ -141,4 +149,13 @@ pub fn cosine(a: u32, b: u32) -> Vec3A {
     let r = r2.sqrt();
     let (sin, cos) = (TAU * unit(b)).sin_cos();
     Vec3A::new(r * cos, r * sin, (1.0 - r2).max(0.0).sqrt())
+}
+
+/// A direction of the hemisphere with density 1 / (2 pi).
+#[inline]
+fn uniform(a: u32, b: u32) -> Vec3A {
+    let z = unit(a);
+    let r = ((1.0 - z) * (1.0 + z)).sqrt();
+    let (sin, cos) = (TAU * unit(b)).sin_cos();
+    Vec3A::new(r * cos, r * sin, z)
 }

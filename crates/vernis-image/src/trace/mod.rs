@@ -31,8 +31,8 @@ use vernis_metric::brdf::{Brdf, ContentHash};
 use vernis_metric::io::{Observer, Progress};
 use vernis_metric::math::Rgb;
 
-/// Raise it when a picture of the same scene changes by more than rounding.
-pub const VERSION: u32 = 1;
+/// Raise it when a picture of the same scene changes by more than rounding. 2: a tenth of the directions are uniform.
+pub const VERSION: u32 = 2;
 
 /// Why a scene cannot be traced.
 #[derive(Debug, Error)]

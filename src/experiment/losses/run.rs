@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use vernis_metric::descriptor::Setup;
-use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting};
+use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting, LogFits};
 use vernis_metric::io::{Progress, read_at_most, seal, unseal};
 use vernis_metric::math::seed;
 use vernis_metric::metric::learned::LearnedMetric;
@@ -293,11 +293,13 @@ impl<'a> Job<'a> {
         };
         let judges = Judges::new(&*reference.brdf, panel);
         let judges = judges.map_err(|source| self.failed(source))?;
+        // The fits under D9.Cl that several losses of one model begin from.
+        let mut log_fits: Option<LogFits> = None;
         let record = |((model, loss), kept): ((&str, Loss), Option<FitRecord>)| {
             let record = match kept {
                 Some(kept) if kept.images == *self.image_versions => kept,
                 Some(kept) => self.judged_again(kept, &judges)?,
-                None => self.fit(&reference, model, loss, &judges)?,
+                None => self.fit(&reference, model, loss, &judges, &mut log_fits)?,
             };
             count();
             Ok(record)
@@ -311,6 +313,7 @@ impl<'a> Job<'a> {
         model: &str,
         loss: Loss,
         judges: &Judges<'_>,
+        log_fits: &mut Option<LogFits>,
     ) -> Result<FitRecord, ExperimentError> {
         let settings = self.experiment.settings;
         let metric: Arc<dyn Metric> = match (loss.role(), loss) {
@@ -328,12 +331,19 @@ impl<'a> Job<'a> {
             seed: settings.seed,
             ..default
         };
-        let fitted = fitting.run(&*reference.brdf, &|_, _| ()).map_err(|source| ExperimentError::Fit {
+        let failed = |source| ExperimentError::Fit {
             material: self.material.to_owned(),
             model: model.to_owned(),
             loss: loss.name(),
             source: Box::new(source),
-        })?;
+        };
+        let log_fits = match log_fits {
+            _ if !loss.begins_at_log() => None,
+            Some(kept) if kept.model() == model => Some(&*kept),
+            _ => Some(&*log_fits.insert(fitting.log_fits(&*reference.brdf).map_err(failed)?)),
+        };
+        let fitting = Fitting { log_fits, ..fitting };
+        let fitted = fitting.run(&*reference.brdf, &|_, _| ()).map_err(failed)?;
         let record = FitRecord {
             version: VERSION,
             settings: self.fingerprint.to_owned(),

@@ -10,35 +10,30 @@
 //! What was minimised is never larger at the end than at the first start. A fit that is interrupted gives the best of what it has.
 
 use super::direct;
-use super::loss::{Lattice, Loss, LpLoss, MetricLoss};
+use super::log_fits::LogFits;
+use super::loss::{Loss, LpLoss, MetricLoss};
 use super::objective::LossObjective;
-use super::optimizer::{FLAT, Improvement, Limits, Method, StopReason, is_flat_around, minimise};
+use super::optimizer::{FLAT, Improvement, Limits, Method, StopReason, is_flat_around};
 use super::search::{GAIN, RIVALS, STEP, Searched, TOLERANCE};
 use super::space::AtBound;
-use super::start::{Candidate, ranked, staged};
+use super::start::{Candidate, ranked};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
 use crate::brdf::models::AnalyticBrdf;
 use crate::io::{Interrupt, Observer, Progress};
 use crate::math::seed;
 use crate::metric::learned::FAMILY;
-use crate::metric::lp::{Formula, LpMetric, LpVariant};
+use crate::metric::lp::{LpMetric, LpVariant};
 use crate::metric::{Metric, MetricError};
 use rand::Rng;
-use rayon::prelude::*;
 use std::any::Any;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The loss whose minimum is the start of a fit under a learned metric.
-const LOG: LpVariant = LpVariant::new(Formula::D9, true, false);
-/// Evaluations of each fit under it.
-const LOG_EVALUATIONS: usize = 5000;
 /// A random start moves every coordinate by up to so much.
 const SCATTER: f64 = 1.0;
-/// Fits under the logarithm that end nearer to each other than this, in every coordinate, are one start; so are staged ones, in those
-/// of their shapes.
+/// Staged starts that are nearer to each other than this, in every coordinate of their shapes, are one rival.
 const SAME_START: f64 = 1e-2;
 
 /// Where a fit begins.
@@ -88,6 +83,9 @@ pub struct Fitting<'a> {
     pub coarsening: usize,
     /// For each start; `None`: 5000 for Lp, 400 for others.
     pub max_evaluations: Option<usize>,
+    /// Fits under D9.Cl that are made already, for [`Start::Log`] and [`Start::LogAtOnce`]: [`Fitting::log_fits`] of the same model and
+    /// reference, from the same starts on the same cells. `None`: the fit makes its own. The result is the same.
+    pub log_fits: Option<&'a LogFits>,
     /// Once it is raised the fit ends early, with the best so far and [`StopReason::Interrupted`].
     pub interrupt: Interrupt,
 }
@@ -132,8 +130,18 @@ pub(super) struct Starts {
 impl<'a> Fitting<'a> {
     /// As the command line has it where nothing else is said.
     pub fn new(model: &'a str, metric: &'a dyn Metric) -> Self {
-        let (start, method, interrupt) = (None, default_method(model, metric), Interrupt::new());
-        Self { model, metric, start, method, starts: 1, seed: 1, coarsening: 3, max_evaluations: None, interrupt }
+        Self {
+            model,
+            metric,
+            start: None,
+            method: default_method(model, metric),
+            starts: 1,
+            seed: 1,
+            coarsening: 3,
+            max_evaluations: None,
+            log_fits: None,
+            interrupt: Interrupt::new(),
+        }
     }
 
     /// Fits the model to `reference`; the same whatever the number of threads.
@@ -219,6 +227,15 @@ impl<'a> Fitting<'a> {
                 allowed: "a metric without jumps, and D6 has jumps".to_owned(),
             });
         }
+        if let Some(LogFits { model, coarsening, starts, .. }) = self.log_fits
+            && (model.as_str(), *coarsening, *starts) != (self.model, self.coarsening, self.starts)
+        {
+            return Err(FitError::Setting {
+                what: "log-fits",
+                found: format!("of {model}, coarsening {coarsening}, {starts} starts"),
+                allowed: format!("of {}, coarsening {}, {} starts", self.model, self.coarsening, self.starts),
+            });
+        }
         match (self.starts, self.coarsening, self.max_evaluations) {
             (0, _, _) | (1001.., _, _) => wrong("starts", self.starts, "1 to 1000"),
             (_, 0, _) | (_, 16.., _) => {
@@ -264,35 +281,24 @@ impl<'a> Fitting<'a> {
             observer("starts", Progress { done, total: 0 });
             self.go_on()
         };
-        let lattice = || Lattice::new(reference, self.coarsening.max(3), 80);
         let (mut log, mut rivals) = (None, Vec::new());
         let mut starts = match self.start_or_default() {
             Start::Staged => {
-                let staged = ranked(space, &lattice()?, search, &count)?;
+                let staged = ranked(space, &self.lattice(reference)?, search, &count)?;
                 rivals = staged.other_shapes(space, RIVALS, SAME_START);
                 staged.best(self.starts)
             }
             Start::Log | Start::LogAtOnce => {
-                let loss = LpLoss::new(reference, LOG, self.coarsening.max(2))?.ok_or_else(no_log)?;
-                let starts = staged(space, &lattice()?, &loss, self.starts, &count)?;
-                let limits = Limits { max_evaluations: LOG_EVALUATIONS, ..self.limits(STEP) };
-                let fit = |start: &Candidate| {
-                    let objective = LossObjective::new(space, &loss, Method::HookeJeeves);
-                    minimise(Method::HookeJeeves, &objective, &space.scaled(&start.parameters), limits, &|_| count())
-                };
-                let mut fitted = starts.par_iter().map(fit).collect::<Result<Vec<_>, _>>()?;
-                fitted.sort_by(|a, b| a.value.total_cmp(&b.value));
-                let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME_START);
-                let mut distinct: Vec<Vec<f64>> = Vec::new();
-                let mut kept = Vec::new();
-                for found in fitted {
-                    if !distinct.iter().any(|other| near(other, &found.x)) {
-                        kept.push(Candidate { parameters: space.parameters(&found.x), value: found.value });
-                        distinct.push(found.x);
+                let loss = self.log_loss(reference)?;
+                let found = match &self.log_fits {
+                    Some(found) => {
+                        evaluations.fetch_add(found.evaluations, Ordering::Relaxed);
+                        found.candidates.clone()
                     }
-                }
+                    None => self.make_log_fits(space, reference, &loss, &count)?.candidates,
+                };
                 log = Some(loss);
-                kept
+                found
             }
             Start::Parameters(parameters) => {
                 space.build(&parameters)?;
@@ -322,10 +328,6 @@ fn default_method(model: &str, metric: &dyn Metric) -> Method {
     } else {
         Method::HookeJeeves
     }
-}
-
-fn no_log() -> MetricError {
-    MetricError::NotComputed { metric: LOG.to_string(), reason: "it compares colours".to_owned() }
 }
 
 /// The Lp variant that a metric is, if it is one: those have a loss on fewer cells.

@@ -10,6 +10,7 @@ pub mod direct;
 pub mod export;
 mod fitting;
 mod least_distance;
+mod log_fits;
 pub mod loss;
 pub mod manifold;
 mod objective;
@@ -21,6 +22,7 @@ mod space;
 pub mod start;
 
 pub use fitting::{Fitted, Fitting, Start};
+pub use log_fits::LogFits;
 pub use result_file::{Difference, FIT_VERSION, FitFile, KeptFit, MetricUsed, ReferenceUsed};
 pub use space::{AtBound, Bound, Space};
 

@@ -171,6 +171,28 @@ fn all_starts_count_under_a_learned_metric() {
     }
 }
 
+/// Fits under D9.Cl that several fits share give what each would find alone; those of another model are refused.
+#[test]
+fn fits_under_the_logarithm_can_be_shared() {
+    let reference = table("ward-duer", &WARD);
+    let learned = metric("vernis");
+    let fitting = Fitting { max_evaluations: Some(30), coarsening: 9, ..Fitting::new("ggx", &*learned) };
+    let log_fits = fitting.log_fits(&reference).expect("fits");
+    for start in [Start::Log, Start::LogAtOnce] {
+        let alone = Fitting { start: Some(start), ..fitting.clone() };
+        let shared = Fitting { log_fits: Some(&log_fits), ..alone.clone() };
+        let (alone, shared) = (fit(&alone, &reference), fit(&shared, &reference));
+        assert_eq!(alone.model.parameters(), shared.model.parameters());
+        assert_eq!((alone.value, alone.evaluations), (shared.value, shared.evaluations));
+    }
+    let other = Fitting { model: "ward-duer", log_fits: Some(&log_fits), ..fitting };
+    let Err(error) = other.run(&reference, &|_, _| ()) else { panic!("fits of another model") };
+    assert_eq!(
+        error.to_string(),
+        "log-fits is of ggx, coarsening 9, 1 starts; it must be of ward-duer, coarsening 9, 1 starts"
+    );
+}
+
 /// The distance of another metric, refused with a given error for candidates whose highlight is brighter than the reference's.
 struct Refusing {
     inner: std::sync::Arc<dyn Metric>,

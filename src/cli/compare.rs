@@ -48,10 +48,10 @@ pub struct CompareArgs {
 
 pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
     let metrics = args.choice.metrics(shared)?;
-    let reference = workspace::open(&args.reference, shared.data.as_deref())?;
-    let candidate = workspace::open(&args.candidate, shared.data.as_deref())?;
+    let reference = workspace::open_unhashed(&args.reference, shared.data.as_deref())?;
+    let candidate = workspace::open_unhashed(&args.candidate, shared.data.as_deref())?;
     workspace::warm_up(shared, &metrics)?;
-    let found = distances(&metrics, reference.brdf.as_ref(), candidate.brdf.as_ref()).map_err(user_error)?;
+    let found = distances(&metrics, &*reference, &*candidate).map_err(user_error)?;
     if args.per_channel && found.iter().all(|d| d.channels.is_none()) {
         let names = found.iter().map(|d| d.metric.as_str()).collect::<Vec<_>>().join(", ");
         return Err(user_error(format!(
@@ -59,9 +59,9 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
              and lab, ot, energy and mmd-* do"
         )));
     }
-    let looks = [&reference, &candidate].map(|open| Plausibility::of(open.brdf.as_ref()));
+    let looks = [&reference, &candidate].map(|brdf| Plausibility::of(&**brdf));
     let mut warnings = plausible::warnings(&args.reference, &looks[0]);
-    if reference.content != candidate.content {
+    if args.reference != args.candidate {
         warnings.extend(plausible::warnings(&args.candidate, &looks[1]));
     }
     if args.json {

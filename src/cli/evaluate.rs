@@ -50,8 +50,7 @@ pub fn run(shared: &Shared, args: EvaluateArgs) -> Result<()> {
     let inputs = Inputs::default().file(&args.at).notation(&args.brdf, data);
     let out = (args.out != Path::new(STANDARD)).then(|| output::file(&args.out, &inputs, args.replace)).transpose()?;
     let rows = Rows::read(&args.at)?;
-    let open = workspace::open(&args.brdf, data)?;
-    let values = rows.evaluate(&*open.brdf)?;
+    let values = rows.evaluate(&*workspace::open_unhashed(&args.brdf, data)?)?;
     let csv = rows.to_csv(&values)?;
     match out {
         None => to_standard(&csv).map(drop),

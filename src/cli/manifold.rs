@@ -143,9 +143,9 @@ pub fn run(shared: &Shared, args: ManifoldArgs) -> Result<()> {
     let bar = Bar::new();
     let told = |done| bar.update("manifold samples", Progress { done, total: SAMPLES });
     told(0);
-    let open = |source: &BrdfSource| source.open(shared.data.as_deref()).map_err(user_error);
+    let open = |source: &BrdfSource| source.open_unhashed(shared.data.as_deref()).map_err(user_error);
     let opened = sources.values().map(open).collect::<Result<Vec<_>>>()?;
-    let borrowed: Vec<&dyn Brdf> = opened.iter().map(|open| &*open.brdf).collect();
+    let borrowed: Vec<&dyn Brdf> = opened.iter().map(|brdf| &**brdf).collect();
     let kind = match args.kind {
         KindName::Gplvm => Kind::Latent,
         KindName::Linear => Kind::Linear,

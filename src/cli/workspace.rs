@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vernis_image::metric::Conditions;
 use vernis_image::stimulus;
-use vernis_metric::brdf::{BrdfSource, OpenBrdf};
+use vernis_metric::brdf::{Brdf, BrdfSource, OpenBrdf};
 use vernis_metric::descriptor::{Cache, DescriptorOptions};
 use vernis_metric::metric::learned::{self, LearnedMetric};
 use vernis_metric::metric::registry::Registry;
@@ -23,6 +23,11 @@ pub const DEFAULT_METRIC: &str = "vernis";
 /// Opens a BRDF given in the source notation.
 pub fn open(notation: &str, data: Option<&Path>) -> Result<OpenBrdf> {
     BrdfSource::parse(notation).and_then(|source| source.open(data)).map_err(user_error)
+}
+
+/// The same where nobody asks for its content hash.
+pub fn open_unhashed(notation: &str, data: Option<&Path>) -> Result<Arc<dyn Brdf>> {
+    BrdfSource::parse(notation).and_then(|source| source.open_unhashed(data)).map_err(user_error)
 }
 
 /// Which metrics, on which cells, under which lights.

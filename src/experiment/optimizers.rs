@@ -101,7 +101,7 @@ pub fn optimizers(
     }
     let (done, total) = (AtomicUsize::new(0), jobs.len());
     let compared = |&(metric, (material, source), model): &(&Arc<dyn Metric>, &(String, BrdfSource), &str)| {
-        let brdf = source.open(options.data)?.brdf;
+        let brdf = source.open_unhashed(options.data)?;
         let run = |method| {
             let start = Some(Start::Staged);
             let max_evaluations = Some(options.max_evaluations);

@@ -51,15 +51,15 @@ pub struct ConvertArgs {
 pub fn run(shared: &Shared, args: ConvertArgs) -> Result<()> {
     let grid = grid_of(&args.output, &args.phi)?;
     output::file(&args.output, &Inputs::default().notation(&args.input, shared.data.as_deref()), args.replace)?;
-    let open = workspace::open(&args.input, shared.data.as_deref())?;
-    let table = on_grid(&*open.brdf, grid).map_err(|e| user_error(format!("{}: {e}", args.input)))?;
+    let brdf = workspace::open_unhashed(&args.input, shared.data.as_deref())?;
+    let table = on_grid(&*brdf, grid).map_err(|e| user_error(format!("{}: {e}", args.input)))?;
     match grid {
         Grid::HalfDifference { .. } => merl::write(&args.output, &table)?,
         Grid::Standard { .. } => titopo::write(&args.output, &table)?,
     }
     let mut text =
         format!("{}: {}, {:.1} % of the cells hold a value\n", args.output.display(), name(grid), valid(&table));
-    text += &match open.brdf.as_table() {
+    text += &match brdf.as_table() {
         None => "the value at every sample of a BRDF that is no table\n".to_owned(),
         Some(first) if first.grid() == grid => "the cells of the table that was read: nothing is lost\n".to_owned(),
         Some(first) => {
@@ -72,7 +72,7 @@ pub fn run(shared: &Shared, args: ConvertArgs) -> Result<()> {
             )
         }
     };
-    text += &plausible::albedo_text(&plausible::warn(&args.input, &*open.brdf));
+    text += &plausible::albedo_text(&plausible::warn(&args.input, &*brdf));
     print(text)
 }
 

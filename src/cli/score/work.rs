@@ -111,12 +111,12 @@ impl Scorer<'_> {
     }
 
     fn prepare(&self, reference: &BrdfSource) -> Result<PreparedMetrics, String> {
-        let open = reference.open(self.data).map_err(|e| e.to_string())?;
-        PreparedMetrics::new(self.metrics, open.brdf.as_ref()).map_err(|e| e.to_string())
+        let reference = reference.open_unhashed(self.data).map_err(|e| e.to_string())?;
+        PreparedMetrics::new(self.metrics, &*reference).map_err(|e| e.to_string())
     }
 
     fn measure(&self, prepared: &PreparedMetrics, candidate: &BrdfSource) -> Found {
-        let open = candidate.open(self.data).map_err(|e| e.to_string())?;
-        prepared.measure(open.brdf.as_ref()).map_err(|e| e.to_string())
+        let candidate = candidate.open_unhashed(self.data).map_err(|e| e.to_string())?;
+        prepared.measure(&*candidate).map_err(|e| e.to_string())
     }
 }

@@ -97,9 +97,9 @@ impl StudyTables {
 }
 
 fn make(source: &BrdfSource, grid: GraphGrid, base: Option<&Path>) -> Result<CompactTable, ExperimentError> {
-    let open = source.open(base)?;
-    let table = CosineTable::of(open.brdf.as_ref(), grid, Side::Alone);
-    let named = |source| ExperimentError::Table { notation: open.notation.clone(), source: Box::new(source) };
+    let brdf = source.open_unhashed(base)?;
+    let table = CosineTable::of(&*brdf, grid, Side::Alone);
+    let named = |cause| ExperimentError::Table { notation: source.notation().to_owned(), source: Box::new(cause) };
     let table = table.map_err(named)?;
     Ok(CompactTable::new(&table))
 }

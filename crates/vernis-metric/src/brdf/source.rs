@@ -239,6 +239,17 @@ impl BrdfSource {
         }
     }
 
+    /// The BRDF of [`BrdfSource::open`] without its content hash, which takes longer than decoding a table.
+    ///
+    /// # Errors
+    /// As [`BrdfSource::open`].
+    pub fn open_unhashed(&self, base: Option<&Path>) -> Result<Arc<dyn Brdf>, BrdfError> {
+        match self {
+            Self::Generated(open) => Ok(open.brdf.clone()),
+            Self::Notation(notation) => Parsed::new(notation)?.decoded(base),
+        }
+    }
+
     /// The file that [`BrdfSource::open`] would read, of which nothing is read; `None` for a BRDF that was made by code.
     ///
     /// # Errors
@@ -370,6 +381,14 @@ impl<'a> Parsed<'a> {
                 Found::Extraction(Extraction { notation, model, reference })
             }
         })
+    }
+
+    /// [`Parsed::found`] and decoded; the bytes of a MERL table are not kept.
+    fn decoded(&self, base: Option<&Path>) -> Result<Arc<dyn Brdf>, BrdfError> {
+        match (self.kind, self.fit) {
+            (Kind::Merl, None) => Ok(Arc::new(merl::read(&find(self.path, base)?)?)),
+            _ => self.found(base)?.decode(),
+        }
     }
 
     /// Reads what the notation names without its `fit`, and decodes it unless it is a table.

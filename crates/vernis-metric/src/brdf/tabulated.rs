@@ -43,8 +43,15 @@ impl TabulatedBrdf {
         if valid.len() != expected {
             return Err(TableError::Length { what: "mask entries", expected, found: valid.len() });
         }
-        let bad = |v: &[f32; 3]| v.iter().any(|c| !c.is_finite() || *c < 0.0);
-        if let Some(index) = (0..expected).find(|&i| valid[i] && bad(&values[i])) {
+        let bad =
+            |(valid, v): (&bool, &[f32; 3])| *valid & v.iter().fold(false, |any, c| any | !c.is_finite() | (*c < 0.0));
+        // A chunk at a time, without a way out inside: the compiler takes several cells at once.
+        let chunks = valid.chunks(CHUNK).zip(values.chunks(CHUNK));
+        let is_bad =
+            |(valid, values): (&[bool], &[[f32; 3]])| valid.iter().zip(values).fold(false, |any, cell| any | bad(cell));
+        if let Some(chunk) = chunks.map(is_bad).position(|is_bad| is_bad)
+            && let Some(index) = (chunk * CHUNK..expected).find(|&i| bad((&valid[i], &values[i])))
+        {
             return Err(TableError::Value { index, value: values[index] });
         }
         if !valid.contains(&true) {

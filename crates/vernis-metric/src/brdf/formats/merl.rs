@@ -5,11 +5,10 @@
 //! (1, 1.15, 1.66)/1500. A negative number marks a missing measurement.
 //!
 //! Source: Matusik et al. 2003, doi:10.1145/882262.882343, and the reader published with the data.
-//! Cost: one parallel pass over the bytes of the file.
+//! Cost: one pass over the bytes of the file.
 
-use super::{read_checked, table_error, unfit_grid, write_fresh};
+use super::{read_checked, read_in_parts, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};
-use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
@@ -25,12 +24,14 @@ pub(super) const MOST_BYTES: u64 = HEADER as u64 + 3 * 8 * 90 * 90 * 360;
 /// The mark of a missing measurement in fresh files.
 const MISSING: f64 = -1.0;
 
-/// Reads a file of either size.
+/// Reads a file of either size; its bytes are not kept.
 ///
 /// # Errors
 /// A size or header that is neither, a NaN or infinity, or no valid cell at all.
 pub fn read(path: &Path) -> Result<TabulatedBrdf, BrdfError> {
-    decode(path, &bytes(path)?)
+    let begin = |head: &[u8], size| grid(path, head, size).map(Decoder::new);
+    let (decoder, found) = read_in_parts(path, begin, |decoder, part| decoder.take(part.as_chunks().0))?;
+    decoder.finish(path, found)
 }
 
 /// The bytes of a file that is a table by its size and header.
@@ -43,36 +44,78 @@ pub(in crate::brdf) fn bytes(path: &Path) -> Result<Vec<u8>, BrdfError> {
 /// # Errors
 /// As [`read`].
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
-    let grid = grid(path, bytes, bytes.len() as u64)?;
-    let (numbers, _) = bytes[HEADER..].as_chunks::<8>();
-    let n = grid.len();
-    let stored = |channel: usize, cell: usize| f64::from_le_bytes(numbers[channel * n + cell]);
-    let (values, valid): (Vec<[f32; 3]>, Vec<bool>) = (0..n)
-        .into_par_iter()
-        .with_min_len(1 << 14)
-        .map(|cell| {
-            let raw: [f64; 3] = std::array::from_fn(|channel| stored(channel, cell));
-            (std::array::from_fn(|c| (raw[c] * SCALE[c]) as f32), raw.iter().all(|v| *v >= 0.0))
-        })
-        .unzip();
-    let strange = |v: &[f32; 3]| v.iter().any(|x| !x.is_finite());
-    if let Some(cell) = values.iter().position(strange) {
-        let channel = (0..3).find(|&c| !values[cell][c].is_finite()).unwrap_or(0);
-        let n_phi = grid.shape()[2];
-        let (row, column, phi) = (cell / (90 * n_phi), cell / n_phi % 90, cell % n_phi);
-        return Err(BrdfError::Value {
-            path: path.to_owned(),
-            place: format!("{} plane, cell theta_h {row}, theta_d {column}, phi_d {phi}", ["R", "G", "B"][channel]),
-            found: stored(channel, cell),
-            allowed: "a finite number, negative where the measurement is missing",
-        });
+    let mut decoder = Decoder::new(grid(path, bytes, bytes.len() as u64)?);
+    decoder.take(bytes[HEADER..].as_chunks().0);
+    decoder.finish(path, bytes.len() as u64)
+}
+
+/// A table whose numbers come one part after the other.
+struct Decoder {
+    grid: Grid,
+    values: Vec<[f32; 3]>,
+    valid: Vec<bool>,
+    /// How many numbers came.
+    count: usize,
+    /// The first number that is not finite as a value: its channel, its cell, and itself.
+    strange: Option<(usize, usize, f64)>,
+}
+
+impl Decoder {
+    fn new(grid: Grid) -> Self {
+        let n = grid.len();
+        Self { grid, values: vec![[0.0; 3]; n], valid: vec![true; n], count: 0, strange: None }
     }
-    TabulatedBrdf::new(grid, values, valid).map_err(table_error(path))
+
+    fn take(&mut self, mut numbers: &[[u8; 8]]) {
+        let n = self.grid.len();
+        while !numbers.is_empty() && self.count < 3 * n {
+            let (channel, first) = (self.count / n, self.count % n);
+            let (part, rest) = numbers.split_at(numbers.len().min(n - first));
+            let cells = self.values[first..].iter_mut().zip(&mut self.valid[first..]);
+            let mut is_strange = false;
+            for (bytes, (value, valid)) in part.iter().zip(cells) {
+                let stored = f64::from_le_bytes(*bytes);
+                value[channel] = (stored * SCALE[channel]) as f32;
+                *valid &= stored >= 0.0;
+                is_strange |= !value[channel].is_finite();
+            }
+            if is_strange && self.strange.is_none() {
+                let values = self.values[first..].iter().zip(part);
+                let found = values.enumerate().find(|(_, (value, _))| !value[channel].is_finite());
+                self.strange = found.map(|(k, (_, bytes))| (channel, first + k, f64::from_le_bytes(*bytes)));
+            }
+            self.count += part.len();
+            numbers = rest;
+        }
+    }
+
+    /// The table; `size`: the number of bytes that there were.
+    fn finish(self, path: &Path, size: u64) -> Result<TabulatedBrdf, BrdfError> {
+        let grid = self.grid;
+        let n_phi = grid.shape()[2];
+        if self.count < 3 * grid.len() {
+            return Err(wrong_size(path, size, format!("{} for its header 90x90x{n_phi}", file_size(grid))));
+        }
+        if let Some((channel, cell, found)) = self.strange {
+            let (row, column, phi) = (cell / (90 * n_phi), cell / n_phi % 90, cell % n_phi);
+            return Err(BrdfError::Value {
+                path: path.to_owned(),
+                place: format!("{} plane, cell theta_h {row}, theta_d {column}, phi_d {phi}", ["R", "G", "B"][channel]),
+                found,
+                allowed: "a finite number, negative where the measurement is missing",
+            });
+        }
+        TabulatedBrdf::new(grid, self.values, self.valid).map_err(table_error(path))
+    }
+}
+
+fn wrong_size(path: &Path, found: u64, allowed: String) -> BrdfError {
+    BrdfError::Size { path: path.to_owned(), format: "MERL", found, allowed }
 }
 
 /// The grid of the table in a file, by its first bytes and its size.
 pub(in crate::brdf) fn grid(path: &Path, head: &[u8], size: u64) -> Result<Grid, BrdfError> {
-    let wrong = |allowed: String| BrdfError::Size { path: path.to_owned(), format: "MERL", found: size, allowed };
+    let wrong = |allowed| wrong_size(path, size, allowed);
     let (Some(header), true) = (head.get(..HEADER), size > HEADER as u64) else {
         return Err(wrong(format!("{} or {}", file_size(Grid::MERL), file_size(Grid::MERL_FULL))));
     };

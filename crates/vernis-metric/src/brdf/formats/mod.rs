@@ -50,6 +50,8 @@ fn table_error(path: &Path) -> impl Fn(TableError) -> BrdfError {
 
 /// Bytes at the beginning of a file that tell its size: the header of a MERL table.
 const HEAD: usize = 12;
+/// Bytes read at a time where they are not kept.
+const PART: usize = 1 << 20;
 
 /// The bytes of a file whose size is known beforehand. `check` sees the first bytes and the size of the file, and refuses
 /// before the rest is read: a wrong file may be of any size.
@@ -69,6 +71,33 @@ pub(super) fn read_checked(
     // The file may have grown since; the size that was checked is what is read.
     file.take(rest).read_to_end(&mut bytes).map_err(io_error(path))?;
     Ok(bytes)
+}
+
+/// [`read_checked`] without keeping the bytes. `begin` sees the first bytes and the size of the file, and refuses or begins; `take` sees
+/// what follows them, [`PART`] bytes at a time. Comes back with the number of bytes that there were: fewer than the size where the file
+/// has shrunk since.
+fn read_in_parts<S>(
+    path: &Path,
+    begin: impl FnOnce(&[u8], u64) -> Result<S, BrdfError>,
+    mut take: impl FnMut(&mut S, &[u8]),
+) -> Result<(S, u64), BrdfError> {
+    let mut file = open_regular(path).map_err(io_error(path))?;
+    let size = file.metadata().map_err(io_error(path))?.len();
+    let mut part = Vec::with_capacity(PART);
+    file.by_ref().take(HEAD as u64).read_to_end(&mut part).map_err(io_error(path))?;
+    let mut state = begin(&part, size)?;
+    let mut found = part.len() as u64;
+    while found < size {
+        part.clear();
+        let rest = (PART as u64).min(size - found);
+        let read = file.by_ref().take(rest).read_to_end(&mut part).map_err(io_error(path))?;
+        if read == 0 {
+            break;
+        }
+        take(&mut state, &part);
+        found += read as u64;
+    }
+    Ok((state, found))
 }
 
 /// Writes a file as a whole or not at all.

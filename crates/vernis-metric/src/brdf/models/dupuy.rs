@@ -6,7 +6,8 @@
 //!
 //! p: density of slopes, 90 values at theta_h = (k/89)^2 90 deg, the last one zero; F: reflectance per channel, 90 values at
 //! theta_d = 90 k/89 deg; A: area of the facets seen from a direction w, per unit of surface; all dimensionless; tables are
-//! interpolated linearly. Reciprocal. There is no diffuse part: facets and Fresnel term take it over.
+//! interpolated linearly. Reciprocal. There is no diffuse part: facets and Fresnel term take it over. Between the last two nodes p falls
+//! to zero linearly, as in the authors' program, and D grows like 1/cos^3 theta_h: values have no bound at grazing angles.
 //!
 //! Extraction: for wi = wo = w the masking is cos theta/A, so that p = c f(w, w) cos^5 theta A(theta), linear in p: an
 //! eigenvector with positive entries, here after four steps of the power iteration from a constant. Then

@@ -1,4 +1,4 @@
-//! What the README shows is what the program prints.
+//! What the README shows is what the program prints, and recipes in the documents are the files that were run.
 
 use crate::data_folder;
 use std::path::Path;
@@ -32,4 +32,12 @@ fn its_first_commands_are_those_that_need_nothing() {
         commands[0].starts_with("cargo run --release -- train") && commands[1] == "cargo test --release",
         "{commands:?}"
     );
+}
+
+/// Users copy it from the page; `experiments/scale/slurm.sh` runs the file.
+#[test]
+fn the_page_on_large_studies_shows_the_batch_script_that_ran() {
+    let read = |path| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
+    let batch: String = read("experiments/scale/extract.sbatch").lines().map(|line| format!("    {line}\n")).collect();
+    assert!(read("datasets/SCALE.md").contains(&batch), "datasets/SCALE.md does not show:\n{batch}");
 }

@@ -4,7 +4,8 @@ use super::direct::Points;
 use super::lanes::{LANES, squares};
 use super::mixture::{Kernel, Mixture, Term};
 use super::plan::Plan;
-use super::side::{Side, potential, slopes};
+use super::side::{Side, potential};
+use super::splat::slopes;
 use crate::metric::graph::{CommonCells, GraphGrid, Tone};
 use std::borrow::Cow;
 

@@ -109,9 +109,7 @@ fn filter_with<const FUSED: bool>(values: &[Lanes], taps: &[Tap], norm: &Lanes, 
                 let from = &values[tap.entry * width + first..][..ROWS];
                 for (sum, from) in sums.iter_mut().zip(from) {
                     let from = from[tap.lane % LANES];
-                    for lane in 0..LANES {
-                        sum[lane] = fma::<FUSED>(from, tap.factors[lane], sum[lane]);
-                    }
+                    sum.iter_mut().zip(tap.factors).for_each(|(sum, factor)| *sum = fma::<FUSED>(from, factor, *sum));
                 }
             }
         } else {
@@ -119,9 +117,7 @@ fn filter_with<const FUSED: bool>(values: &[Lanes], taps: &[Tap], norm: &Lanes, 
                 let from = &values[tap.entry * width + first..][..count];
                 for (sum, from) in sums.iter_mut().zip(from) {
                     let from = from[tap.lane % LANES];
-                    for lane in 0..LANES {
-                        sum[lane] = fma::<FUSED>(from, tap.factors[lane], sum[lane]);
-                    }
+                    sum.iter_mut().zip(tap.factors).for_each(|(sum, factor)| *sum = fma::<FUSED>(from, factor, *sum));
                 }
             }
         }

@@ -9,12 +9,12 @@
 //! do not):
 //!
 //! 1. k becomes a sum of Gaussians (`mixture.rs`), 10 to 20 of them, each the product of one factor an axis;
-//! 2. each side goes onto a lattice (`side.rs`): 11 nodes an axis of the base, by linear (hat) weights; value nodes (`value_axis.rs`)
+//! 2. each side goes onto a lattice (`splat.rs`): 11 nodes an axis of the base, by linear (hat) weights; value nodes (`value_axis.rs`)
 //!    alpha/16 apart, by cubic ones, which place the small differences of near-identical BRDFs well. The nodes are the same for all
 //!    sides, and whatever follows is done once a side;
 //! 3. hats widen a Gaussian along the base; each is narrowed (`plan.rs`) in advance by the variance that they add on average;
 //! 4. every Gaussian is a sum of squares, <D, G D> = |S D|^2: along the base, S are eigenvectors, the few that a Gaussian of that width
-//!    can tell apart; along the values, Gaussians of half the variance. S a is kept for every side, and two sides are compared
+//!    can tell apart; along the values, Gaussians of half the variance. S a is kept for every side (`side.rs`), and two sides are compared
 //!    by |S a - S b|^2: no digits of near-identical pairs cancel;
 //! 5. what the lattice cannot resolve, the pair that one cell forms with itself on the other side, is added (`divergence.rs`).
 //!
@@ -36,6 +36,7 @@ mod metric;
 mod mixture;
 mod plan;
 mod side;
+mod splat;
 mod value_axis;
 
 /// Of the numbers: it changes when a distance changes by more than rounding, and the golden values in the tests with it.

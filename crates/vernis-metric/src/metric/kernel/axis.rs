@@ -1,4 +1,4 @@
-//! The nodes of a lattice along one axis, and Gaussians between them.
+//! The nodes along one base axis.
 
 /// A point between two nodes: mass 1 - t at `below`, t at `below + 1`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,49 +35,6 @@ impl BaseAxis {
         let mean = self.hats.iter().map(|h| h.t * (1.0 - h.t)).sum::<f64>() / self.hats.len() as f64;
         mean * self.spacing * self.spacing
     }
-
-    /// L with L L^T = exp(-(x - y)^2/(2 variance)) between the nodes, to `TOLERANCE`.
-    pub fn factor(&self, variance: f64) -> Factor {
-        let gram = |i: usize, j: usize| {
-            let d = i.abs_diff(j) as f64 * self.spacing;
-            (-0.5 * d * d / variance).exp()
-        };
-        Factor::of(self.nodes, gram)
-    }
-}
-
-/// Square of what a factor may leave of a row of its matrix, whose diagonal is 1.
-const TOLERANCE: f64 = 1e-11;
-
-/// A low-rank factor: `values` is nodes x rank.
-#[derive(Debug, Clone)]
-pub(super) struct Factor {
-    pub rank: usize,
-    pub values: Vec<f64>,
-}
-
-impl Factor {
-    /// Pivoted Cholesky factorisation (Higham, "Accuracy and Stability of Numerical Algorithms", 2002, section 10.3,
-    /// doi:10.1137/1.9780898718027) of a positive matrix with unit diagonal, stopped at [`TOLERANCE`].
-    fn of(n: usize, gram: impl Fn(usize, usize) -> f64) -> Self {
-        let mut left: Vec<f64> = vec![1.0; n];
-        let mut columns: Vec<Vec<f64>> = Vec::new();
-        while columns.len() < n {
-            let pivot = (0..n).max_by(|a, b| left[*a].total_cmp(&left[*b]).then(b.cmp(a))).unwrap_or(0);
-            if left[pivot] < TOLERANCE {
-                break;
-            }
-            let scale = 1.0 / left[pivot].sqrt();
-            let column: Vec<f64> = (0..n)
-                .map(|i| (gram(i, pivot) - columns.iter().map(|c| c[i] * c[pivot]).sum::<f64>()) * scale)
-                .collect();
-            left.iter_mut().zip(&column).for_each(|(l, c)| *l -= c * c);
-            left[pivot] = 0.0;
-            columns.push(column);
-        }
-        let rank = columns.len();
-        Self { rank, values: (0..n).flat_map(|i| columns.iter().map(move |c| c[i])).collect() }
-    }
 }
 
 #[cfg(test)]
@@ -94,23 +51,6 @@ mod tests {
                 assert!(hat.below + 1 < axis.nodes && (0.0..=1.0).contains(&hat.t));
             }
             assert!(cells > nodes || axis.spread() < 1e-30);
-        }
-    }
-
-    #[test]
-    fn factors_give_the_gaussian_back() {
-        let axis = BaseAxis::new(45, 15, 0.1);
-        for (sigma, most) in [(0.007, 15), (0.05, 10), (1.0, 4)] {
-            let factor = axis.factor(sigma * sigma);
-            assert!(factor.rank <= most, "{sigma}: {}", factor.rank);
-            for i in 0..15 {
-                for j in 0..15 {
-                    let row = |k: usize| &factor.values[k * factor.rank..(k + 1) * factor.rank];
-                    let found: f64 = row(i).iter().zip(row(j)).map(|(a, b)| a * b).sum();
-                    let d = (i as f64 - j as f64) * axis.spacing / sigma;
-                    assert!((found - (-0.5 * d * d).exp()).abs() < 1e-10);
-                }
-            }
         }
     }
 }

@@ -1,9 +1,13 @@
 //! The squared kernel distance of one channel, and its gradient.
 
 use super::direct::Points;
-use super::lattice::{Lattice, Resolution};
+use super::lanes::{LANES, squares};
 use super::mixture::{Kernel, Mixture, Term};
+use super::plan::Plan;
+use super::side::{Side, potential};
+use super::splat::slopes;
 use crate::metric::graph::{CommonCells, GraphGrid, Tone};
+use std::borrow::Cow;
 
 /// How a channel is compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,58 +17,109 @@ pub(super) struct Setting {
     pub tone: Tone,
 }
 
-/// Nodes along each polar axis.
-const POLAR: (usize, usize) = (12, 24);
-/// Nodes of the lattice, about: more along the base where fewer values are.
-const SIZE: usize = 1_000_000;
-/// The value nodes lie alpha/FINENESS apart,
-const FINENESS: f64 = 16.0;
-/// or blur/BLURRED,
-const BLURRED: f64 = 6.0;
-/// or as far as this, whichever is least: directions alone do not tell how fine the values are.
-const COARSEST: f64 = 0.0125;
-/// Value nodes; limits the memory of a channel to about 70 MB.
-const MOST_VALUES: usize = 2400;
-/// Standard deviation of the narrowest Gaussian, in the distance of nodes that the lattice resolves.
-const NARROWEST: f64 = 0.35;
-/// The same, in the distance of value nodes.
-const NARROWEST_IN_VALUE: f64 = 0.25;
 /// Up to so many cells, all pairs are summed.
 pub(super) const DIRECT: usize = 4000;
 
-/// Both sides of one channel, toned.
+/// One side of one channel.
+#[derive(Debug, Clone)]
+pub(super) struct Channel {
+    /// phi of the values, one a cell.
+    values: Vec<f64>,
+    /// None for few cells.
+    side: Option<Side>,
+}
+
+/// All channels of one side.
+#[derive(Debug, Clone)]
+pub(super) struct Channels {
+    setting: Setting,
+    grid: GraphGrid,
+    plan: Plan,
+    own: CommonCells,
+    pub channels: Vec<Channel>,
+}
+
+impl Channels {
+    /// `planes` are f cos theta_i of each channel, one a cell of `grid`, `own` the cells that are measured. `direct` leaves the lattice
+    /// out.
+    pub fn new(setting: Setting, planes: &[&[f64]], grid: GraphGrid, own: CommonCells, direct: bool) -> Self {
+        use rayon::prelude::*;
+        let mut plan = Plan::new(setting.kernel, setting.alpha, grid);
+        let toned = |plane: &&[f64]| plane.iter().map(|t| setting.tone.value(*t)).collect::<Vec<f64>>();
+        let values: Vec<Vec<f64>> = planes.par_iter().map(toned).collect();
+        if !direct {
+            let of_cells =
+                |values: &Vec<f64>| cells(grid, &own).fold(0.0f64, |most, cell| most.max(values[cell].abs()));
+            // No two sides are further apart than twice the larger of both.
+            plan.extend(plan.count(2.0 * values.iter().map(of_cells).fold(0.0, f64::max)));
+        }
+        let channel = |values: Vec<f64>| {
+            let side = (!direct).then(|| Side::new(&plan, &values, grid, &own));
+            Channel { values, side }
+        };
+        let channels = values.into_par_iter().map(channel).collect();
+        Self { setting, grid, plan, own, channels }
+    }
+}
+
+/// What the channels of a comparison share.
+pub(super) struct Comparison<'a> {
+    setting: Setting,
+    grid: GraphGrid,
+    common: &'a CommonCells,
+    sides: [&'a Channels; 2],
+    /// None where all pairs are summed.
+    lattice: Option<(&'a Plan, Mixture, Remainder)>,
+}
+
+impl<'a> Comparison<'a> {
+    /// Of the cells in `common`. `direct` sums over all pairs of cells.
+    pub fn new(reference: &'a Channels, candidate: &'a Channels, common: &'a CommonCells, direct: bool) -> Self {
+        let longer = if candidate.plan.steps.len() > reference.plan.steps.len() { candidate } else { reference };
+        let lattice = (!direct).then(|| {
+            let mixture = longer.plan.mixture(longer.plan.steps.len());
+            let remainder = Remainder::new(&mixture, &longer.plan.seen(&mixture.terms));
+            (&longer.plan, mixture, remainder)
+        });
+        let Channels { setting, grid, .. } = *reference;
+        Self { setting, grid, common, sides: [reference, candidate], lattice }
+    }
+
+    pub fn pair(&self, channel: usize) -> Pair<'_> {
+        let [a, b] = self.sides.map(|side| &side.channels[channel]);
+        let Setting { kernel, alpha, .. } = self.setting;
+        let form = match &self.lattice {
+            None => Form::Direct(Points::new(kernel, alpha, &a.values, &b.values, self.grid, self.common)),
+            Some((plan, mixture, remainder)) => {
+                let side = |channels: &'a Channels| {
+                    let channel = &channels.channels[channel];
+                    match &channel.side {
+                        Some(side) if channels.own.count() == self.common.count() => side.with(plan, plan.steps.len()),
+                        _ => Cow::Owned(Side::new(plan, &channel.values, self.grid, self.common)),
+                    }
+                };
+                let sides = self.sides.map(side);
+                Form::Lattice(OnLattice { a: &a.values, b: &b.values, sides, plan, mixture, remainder })
+            }
+        };
+        Pair { grid: self.grid, common: self.common, tone: self.setting.tone, form }
+    }
+}
+
+/// Both sides of one channel.
 pub(super) struct Pair<'a> {
     grid: GraphGrid,
     common: &'a CommonCells,
     tone: Tone,
-    form: Form,
+    form: Form<'a>,
 }
 
-enum Form {
+enum Form<'a> {
     Direct(Points),
-    Lattice(Box<OnLattice>),
+    Lattice(OnLattice<'a>),
 }
 
-impl<'a> Pair<'a> {
-    /// `reference` and `candidate` are f cos theta_i, one a cell. `direct` sums over all pairs of cells.
-    pub fn new(
-        setting: Setting,
-        reference: &[f64],
-        candidate: &[f64],
-        grid: GraphGrid,
-        common: &'a CommonCells,
-        direct: bool,
-    ) -> Self {
-        let Setting { kernel, alpha, tone } = setting;
-        let toned = |plane: &[f64]| plane.iter().map(|t| tone.value(*t)).collect::<Vec<f64>>();
-        let (a, b) = (toned(reference), toned(candidate));
-        let form = match direct {
-            true => Form::Direct(Points::new(kernel, alpha, &a, &b, grid, common)),
-            false => Form::Lattice(Box::new(OnLattice::new(kernel, alpha, a, b, grid, common))),
-        };
-        Self { grid, common, tone, form }
-    }
-
+impl Pair<'_> {
     /// 1/2 <a - b, K (a - b)>.
     pub fn divergence(&self) -> f64 {
         let n = self.common.count() as f64;
@@ -97,61 +152,59 @@ fn cells(grid: GraphGrid, common: &CommonCells) -> impl Iterator<Item = usize> +
     (0..grid.len()).filter(|cell| common.contains(*cell))
 }
 
-/// The difference of both sides on a lattice, and what the lattice does not resolve.
-struct OnLattice {
-    a: Vec<f64>,
-    b: Vec<f64>,
-    mixture: Mixture,
-    lattice: Lattice,
-    remainder: Remainder,
+/// Both sides on the lattice, and what the lattice does not resolve.
+struct OnLattice<'a> {
+    a: &'a [f64],
+    b: &'a [f64],
+    sides: [Cow<'a, Side>; 2],
+    plan: &'a Plan,
+    mixture: &'a Mixture,
+    remainder: &'a Remainder,
 }
 
-impl OnLattice {
-    fn new(kernel: Kernel, alpha: f64, a: Vec<f64>, b: Vec<f64>, grid: GraphGrid, common: &CommonCells) -> Self {
-        let mut h = (alpha / FINENESS).min(COARSEST);
-        if let Kernel::Gaussian { blur } | Kernel::Laplacian { blur } = kernel {
-            h = h.min(blur / BLURRED);
-        }
-        let resolution = Resolution { polar: POLAR, size: SIZE, h, most: MOST_VALUES };
-        let lattice = Lattice::new(&a, &b, grid, common, alpha, resolution);
-        let mixture =
-            Mixture::new(kernel, (NARROWEST * lattice.resolves()).max(NARROWEST_IN_VALUE * h), lattice.diameter());
-        let remainder = Remainder::new(&mixture, &lattice.seen(&mixture.terms));
-        Self { a, b, mixture, lattice, remainder }
-    }
-
+impl OnLattice<'_> {
     /// N^2 times the squared distance.
     fn sum(&self, cells: impl Iterator<Item = usize>) -> f64 {
         let (mut own, mut shift) = (0.0, 0.0);
         for (a, b) in cells.map(|cell| (self.a[cell], self.b[cell])) {
-            own += self.remainder.at((a - b).abs()).0;
+            own += self.remainder.value((a - b).abs());
             shift += a - b;
         }
+        let [a, b] = &self.sides;
+        let form = |(k, step): (usize, &super::plan::Step)| {
+            let zeros = vec![[0.0; LANES]; a.field(k).width];
+            let entries = a.field(k).pairs(b.field(k));
+            let of_entry =
+                |(_, a, b): (i64, Option<&[_]>, Option<&[_]>)| squares(a.unwrap_or(&zeros), b.unwrap_or(&zeros));
+            step.weight * entries.map(of_entry).sum::<f64>()
+        };
+        let form: f64 = self.plan.steps.iter().enumerate().map(form).sum();
         // Both sides have the same base: only the values have different means.
-        0.5 * self.lattice.form(&self.mixture) + own + self.mixture.tail * shift * shift
+        0.5 * form + own + self.mixture.tail * shift * shift
     }
 
     /// The derivatives of [`OnLattice::sum`] with respect to the candidate's values.
     fn slopes(&self, grid: GraphGrid, common: &CommonCells) -> Vec<(usize, f64)> {
-        let [_, n_o, n_d] = grid.shape();
-        let potential = self.lattice.potential(&self.mixture);
+        let [a, b] = &self.sides;
+        let differences: Vec<_> = (0..self.plan.steps.len()).map(|k| a.field(k).minus(b.field(k))).collect();
+        let potential = potential(self.plan, &differences, b.entries());
         let shift: f64 = cells(grid, common).map(|cell| self.a[cell] - self.b[cell]).sum();
-        let slope = |cell: usize| {
-            let (a, b) = (self.a[cell], self.b[cell]);
-            let place = [cell / (n_o * n_d), cell / n_d % n_o, cell % n_d];
-            let own = self.remainder.at((a - b).abs()).1;
-            let own = if a == b { 0.0 } else { own * (b - a).signum() };
-            (cell, own - self.lattice.slope(&potential, place, b) - 2.0 * self.mixture.tail * shift)
-        };
-        cells(grid, common).map(slope).collect()
+        let mut found = slopes(self.plan, &potential, self.b, grid, common);
+        for (cell, slope) in &mut found {
+            let (a, b) = (self.a[*cell], self.b[*cell]);
+            let own = if a == b { 0.0 } else { self.remainder.slope((a - b).abs()) * (b - a).signum() };
+            *slope = own - *slope - 2.0 * self.mixture.tail * shift;
+        }
+        found
     }
 }
 
 /// What the lattice does not resolve of the pair that one cell of both sides forms, tabulated.
 struct Remainder {
-    step: f64,
-    /// Value and slope at multiples of the step.
-    nodes: Vec<(f64, f64)>,
+    /// Intervals a unit of length.
+    per_unit: f64,
+    /// The cubic of each interval, in powers of the way through it.
+    cubics: Vec<[f64; 4]>,
     /// The value further away.
     far: f64,
 }
@@ -162,29 +215,41 @@ const INTERVALS: usize = 512;
 const FAR: f64 = 7.0;
 
 impl Remainder {
-    /// `seen` are the terms of the mixture as such a pair sees them.
+    /// `seen` are the terms of the mixture as such a pair sees them. The cubic takes value and slope at both ends (Hermite).
     fn new(mixture: &Mixture, seen: &[Term]) -> Self {
         let narrowest = seen.first().map_or(1.0, |t| (0.5 / t.s).sqrt());
         let step = FAR * narrowest / INTERVALS as f64;
         let nodes: Vec<_> = (0..=INTERVALS).map(|k| mixture.remainder(seen, k as f64 * step)).collect();
-        let far = nodes[INTERVALS].0;
-        Self { step, nodes, far }
+        let cubic = |ends: &[(f64, f64)]| {
+            let ((v0, s0), (v1, s1)) = (ends[0], ends[1]);
+            let (d0, d1) = (s0 * step, s1 * step);
+            [v0, d0, 3.0 * (v1 - v0) - 2.0 * d0 - d1, 2.0 * (v0 - v1) + d0 + d1]
+        };
+        Self { per_unit: 1.0 / step, cubics: nodes.windows(2).map(cubic).collect(), far: nodes[INTERVALS].0 }
     }
 
-    /// Value and slope of the cubic through both at the nodes (Hermite).
-    fn at(&self, r: f64) -> (f64, f64) {
-        let x = r / self.step;
-        let below = x as usize;
-        if below >= INTERVALS {
-            return (self.far, 0.0);
+    #[inline(always)]
+    fn value(&self, r: f64) -> f64 {
+        let x = r * self.per_unit;
+        match self.cubics.get(x as usize) {
+            Some([c0, c1, c2, c3]) => {
+                let t = x - (x as usize) as f64;
+                c0 + t * (c1 + t * (c2 + t * c3))
+            }
+            None => self.far,
         }
-        let t = x - below as f64;
-        let ((v0, s0), (v1, s1)) = (self.nodes[below], self.nodes[below + 1]);
-        let (d0, d1) = (s0 * self.step, s1 * self.step);
-        let (c2, c3) = (3.0 * (v1 - v0) - 2.0 * d0 - d1, 2.0 * (v0 - v1) + d0 + d1);
-        let value = v0 + t * (d0 + t * (c2 + t * c3));
-        let slope = (d0 + t * (2.0 * c2 + 3.0 * t * c3)) / self.step;
-        (value, slope)
+    }
+
+    #[inline(always)]
+    fn slope(&self, r: f64) -> f64 {
+        let x = r * self.per_unit;
+        match self.cubics.get(x as usize) {
+            Some([_, c1, c2, c3]) => {
+                let t = x - (x as usize) as f64;
+                (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * self.per_unit
+            }
+            None => 0.0,
+        }
     }
 }
 
@@ -210,9 +275,14 @@ mod tests {
         CosineTable::of(brdf, grid.parse().unwrap(), Side::Reference).unwrap()
     }
 
+    fn channels(setting: Setting, plane: &[f64], grid: GraphGrid, own: &CommonCells, direct: bool) -> Channels {
+        Channels::new(setting, &[plane], grid, own.clone(), direct)
+    }
+
     fn divergence(setting: Setting, a: &CosineTable, b: &CosineTable, direct: bool) -> f64 {
         let common = a.common_cells(b, "energy").unwrap();
-        Pair::new(setting, a.channel(0), b.channel(0), a.grid(), &common, direct).divergence()
+        let sides = [a, b].map(|side| channels(setting, side.channel(0), side.grid(), &common, direct));
+        Comparison::new(&sides[0], &sides[1], &common, direct).pair(0).divergence()
     }
 
     /// Direct sums over all pairs, by an independent program in C with f64, GGX (kd, f0, alpha) of the golden file.
@@ -275,7 +345,8 @@ mod tests {
             let a = table(&*lambert(0.5), "4x4x16");
             let common = a.common_cells(&a, "energy").unwrap();
             let black = vec![0.0; values.len()];
-            let found = Pair::new(near, &black, &values, grid, &common, direct).divergence();
+            let sides = [&black, &values].map(|plane| channels(near, plane, grid, &common, direct));
+            let found = Comparison::new(&sides[0], &sides[1], &common, direct).pair(0).divergence();
             assert!((found / 0.25 - 1.0).abs() < 5e-3, "{found}");
         }
     }
@@ -299,15 +370,17 @@ mod tests {
         let kernels = [Kernel::Energy, Kernel::Gaussian { blur: 0.05 }, Kernel::Laplacian { blur: 0.05 }];
         for (direct, kernel) in [true, false].into_iter().flat_map(|d| kernels.map(|k| (d, k))) {
             let setting = Setting { kernel, ..ENERGY };
-            let at = |values: &[f64]| Pair::new(setting, a.channel(0), values, grid, &common, direct);
-            let gradient = at(b.channel(0)).gradient(b.channel(0));
+            let side = |plane: &[f64]| channels(setting, plane, grid, &common, direct);
+            let reference = side(a.channel(0));
+            let candidate = side(b.channel(0));
+            let gradient = Comparison::new(&reference, &candidate, &common, direct).pair(0).gradient(b.channel(0));
             let largest = gradient.iter().fold(0.0f64, |m, g| m.max(g.abs()));
             for cell in (0..grid.len()).step_by(37) {
                 let step = 1e-6 * b.channel(0)[cell];
                 let moved = |by: f64| {
                     let mut values = b.channel(0).to_vec();
                     values[cell] += by;
-                    at(&values).divergence()
+                    Comparison::new(&reference, &side(&values), &common, direct).pair(0).divergence()
                 };
                 let difference = (moved(step) - moved(-step)) / (2.0 * step);
                 let error = (gradient[cell] - difference).abs();

@@ -1,6 +1,6 @@
 //! The kernel distances as metrics.
 
-use super::divergence::{DIRECT, Pair, Setting};
+use super::divergence::{Channels, Comparison, DIRECT, Pair, Setting};
 use super::mixture::Kernel;
 use super::{FAMILY, VERSION};
 use crate::brdf::Brdf;
@@ -76,18 +76,36 @@ impl KernelMetric {
         Ok(metric)
     }
 
+    /// The channels of a table, ready for this metric and those that differ from it in gamma alone.
+    ///
+    /// # Errors
+    /// A table without a valid cell.
+    pub fn prepare_channels(&self, table: Arc<CosineTable>) -> Result<PreparedChannels, MetricError> {
+        let own = table.common_cells(&table, &self.name)?;
+        let planes = [0, 1, 2].map(|c| table.channel(c));
+        let direct = own.count() <= DIRECT;
+        let channels = Channels::new(self.setting, &planes, table.grid(), own, direct);
+        Ok(PreparedChannels { table, channels })
+    }
+
+    /// The divergence of each channel (R, G, B).
+    ///
+    /// # Errors
+    /// No cell in common; tables on different grids.
+    pub fn between(&self, reference: &PreparedChannels, candidate: &PreparedChannels) -> Result<[f64; 3], MetricError> {
+        self.pairs(reference, candidate, |_, pair| pair.divergence())
+    }
+
     fn pairs<T: Send>(
         &self,
-        reference: &CosineTable,
-        candidate: &CosineTable,
+        reference: &PreparedChannels,
+        candidate: &PreparedChannels,
         of: impl Fn(usize, &Pair<'_>) -> T + Sync,
     ) -> Result<[T; 3], MetricError> {
-        let common = reference.common_cells(candidate, &self.name)?;
+        let common = reference.table.common_cells(&candidate.table, &self.name)?;
         let direct = common.count() <= DIRECT;
-        let channel = |c: usize| {
-            let (a, b) = (reference.channel(c), candidate.channel(c));
-            of(c, &Pair::new(self.setting, a, b, reference.grid(), &common, direct))
-        };
+        let comparison = Comparison::new(&reference.channels, &candidate.channels, &common, direct);
+        let channel = |c: usize| of(c, &comparison.pair(c));
         let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
         Ok([red, green, blue])
     }
@@ -138,23 +156,32 @@ impl GraphMetric for KernelMetric {
     }
 
     fn prepare_table(&self, reference: Arc<CosineTable>) -> Result<Box<dyn PreparedTable>, MetricError> {
+        let reference = self.prepare_channels(reference)?;
         Ok(Box::new(PreparedKernel { metric: self.clone(), reference }))
     }
 }
 
-/// Masses of both sides cancel before anything else is done: there is little to prepare.
+/// The three channels of one side.
+#[derive(Debug, Clone)]
+pub struct PreparedChannels {
+    table: Arc<CosineTable>,
+    channels: Channels,
+}
+
 struct PreparedKernel {
     metric: KernelMetric,
-    reference: Arc<CosineTable>,
+    reference: PreparedChannels,
 }
 
 impl PreparedTable for PreparedKernel {
     fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        self.metric.pairs(&self.reference, candidate, |_, pair| pair.divergence())
+        let candidate = self.metric.prepare_channels(Arc::new(candidate.clone()))?;
+        self.metric.between(&self.reference, &candidate)
     }
 
     fn gradients(&self, candidate: &CosineTable) -> Result<ChannelGradients, MetricError> {
-        self.metric
-            .pairs(&self.reference, candidate, |c, pair| (pair.divergence(), pair.gradient(candidate.channel(c))))
+        let candidate = self.metric.prepare_channels(Arc::new(candidate.clone()))?;
+        let of = |c: usize, pair: &Pair<'_>| (pair.divergence(), pair.gradient(candidate.table.channel(c)));
+        self.metric.pairs(&self.reference, &candidate, of)
     }
 }

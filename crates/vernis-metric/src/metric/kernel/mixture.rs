@@ -13,10 +13,12 @@
 //! Source: S. N. Bernstein, Acta Math. 52, 1929, doi:10.1007/BF02592679; G. Beylkin, L. Monzón, "Approximation by exponential
 //! sums revisited", Appl. Comput. Harmon. Anal. 28(2), 2010, doi:10.1016/j.acha.2009.08.011.
 
-use std::f64::consts::PI;
+use std::f64::consts::FRAC_2_SQRT_PI;
 
 /// Step of the trapezium rule in u = ln s.
 const STEP: f64 = 1.25;
+/// The step over 2 sqrt(pi).
+const NORMAL: f64 = 0.25 * STEP * FRAC_2_SQRT_PI;
 /// Where s r^2 is smaller for every pair, 1 - exp(-s r^2) is taken for s r^2.
 const NEGLIGIBLE: f64 = 0.01;
 /// Weights below this fraction of the kernel's value are dropped.
@@ -60,6 +62,27 @@ impl Kernel {
     }
 }
 
+/// s of the m-th term.
+fn scale(narrowest: f64, m: usize) -> f64 {
+    0.5 / (narrowest * narrowest) * (-STEP * m as f64).exp()
+}
+
+/// The m-th term. The first stands for all narrower ones as well: of near-identical graphs, surfaces in four dimensions that lie close
+/// together, each term sees exp(-STEP) of what the next wider one sees. (Of the single pair that a cell forms with itself, the
+/// remainder takes back what is too much.)
+fn term(kernel: Kernel, narrowest: f64, m: usize) -> Term {
+    let s = scale(narrowest, m);
+    let narrower = if m == 0 { 1.0 / (1.0 - (-STEP).exp()) } else { 1.0 };
+    match kernel {
+        Kernel::Gaussian { blur } => Term { c: 1.0, s: 0.5 / (blur * blur) },
+        Kernel::Laplacian { blur } => {
+            let v = s * blur * blur;
+            Term { c: narrower * NORMAL / v.sqrt() * (-0.25 / v).exp(), s }
+        }
+        Kernel::Energy => Term { c: narrower * NORMAL / s.sqrt(), s },
+    }
+}
+
 /// c exp(-s r^2)
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Term {
@@ -78,36 +101,31 @@ pub(super) struct Mixture {
 }
 
 impl Mixture {
-    /// The terms exp(-s r^2) of standard deviation `narrowest` and wider, for points within `diameter`.
-    pub fn new(kernel: Kernel, narrowest: f64, diameter: f64) -> Self {
-        let normal = STEP / (2.0 * PI.sqrt());
-        let finest = (0.5 / (narrowest * narrowest)).ln();
-        // Scales are multiples of the step, so that nothing depends smoothly on the diameter by way of them.
-        let last = (finest / STEP).floor() as i64;
-        let scale = |m: i64| (STEP * m as f64).exp();
-        let mut terms = Vec::new();
-        let mut tail = 0.0;
+    /// `count` terms, the first of standard deviation `narrowest`; the Gaussian kernel has one of its own.
+    pub fn new(kernel: Kernel, narrowest: f64, count: usize) -> Self {
+        let terms = (0..count).map(|m| term(kernel, narrowest, m)).collect();
+        let tail = match kernel {
+            // All that follow, a geometric series of c s.
+            Kernel::Energy => NORMAL * scale(narrowest, count).sqrt() / (1.0 - (-0.5 * STEP).exp()),
+            Kernel::Gaussian { .. } | Kernel::Laplacian { .. } => 0.0,
+        };
+        Self { kernel, terms, tail }
+    }
+
+    /// How many terms points within `diameter` take.
+    pub fn count(kernel: Kernel, narrowest: f64, diameter: f64) -> usize {
+        let terms = (0..).map(|m| term(kernel, narrowest, m));
         match kernel {
-            Kernel::Gaussian { blur } => terms.push(Term { c: 1.0, s: 0.5 / (blur * blur) }),
+            Kernel::Gaussian { .. } => 1,
+            // The weights rise to a maximum at s blur^2 = 1/2, then fall as exp(-1/(4 s blur^2)).
             Kernel::Laplacian { blur } => {
-                let weight = |s: f64| {
-                    let v = s * blur * blur;
-                    normal / v.sqrt() * (-0.25 / v).exp()
-                };
-                let all = (0..).map(|k| last - k).map(|m| Term { c: weight(scale(m)), s: scale(m) });
-                // The weights rise to a maximum at s blur^2 = 1/2, then fall as exp(-1/(4 s blur^2)).
-                terms.extend(all.take_while(|t| t.c > SMALLEST || t.s * blur * blur > 0.5));
+                terms.take_while(|t| t.c > SMALLEST || t.s * blur * blur > 0.5).count().max(1)
             }
             Kernel::Energy => {
                 let widest = NEGLIGIBLE / (diameter * diameter);
-                let all = (0..).map(|k| last - k).map(|m| Term { c: normal / scale(m).sqrt(), s: scale(m) });
-                terms.extend(all.take_while(|t| t.s > widest));
-                // All that follow, a geometric series of c s.
-                let next = scale(last - terms.len() as i64);
-                tail = normal * next.sqrt() / (1.0 - (-0.5 * STEP).exp());
+                terms.take_while(|t| t.s > widest).count().max(1)
             }
         }
-        Self { kernel, terms, tail }
     }
 
     /// What `terms` and the tail leave of k(0) - k(r), and its derivative.
@@ -131,7 +149,7 @@ mod tests {
     fn the_terms_and_the_remainder_are_the_kernel() {
         let diameter = 3.0;
         for kernel in [Kernel::Energy, Kernel::Laplacian { blur: 0.05 }, Kernel::Gaussian { blur: 0.05 }] {
-            let mixture = Mixture::new(kernel, 0.005, diameter);
+            let mixture = Mixture::new(kernel, 0.005, Mixture::count(kernel, 0.005, diameter));
             let far = mixture.remainder(&mixture.terms, 0.05).0;
             for r in [0.05, 0.1, 0.7, 2.9] {
                 // Beyond the narrowest term only a constant is left.

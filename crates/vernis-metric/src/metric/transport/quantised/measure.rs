@@ -132,7 +132,9 @@ impl Measure {
 
 /// Rows of `entries` entries each, entry by entry.
 fn by_entry(rows: &[Lanes], entries: usize) -> Vec<Lanes> {
-    (0..entries).flat_map(|entry| rows.iter().skip(entry).step_by(entries).copied()).collect()
+    let mut turned = Vec::with_capacity(rows.len());
+    (0..entries).for_each(|entry| turned.extend(rows.chunks_exact(entries).map(|row| row[entry])));
+    turned
 }
 
 /// The inverse of [`by_entry`].

@@ -19,15 +19,16 @@ pub(super) struct Splat {
 /// Masses and excesses on the nodes of the axes already contracted.
 struct Rows {
     columns: usize,
-    mass: Vec<f64>,
-    excess: Vec<f64>,
+    mass: Vec<Lanes>,
+    excess: Vec<Lanes>,
     /// The columns that were written to.
     touched: Range<usize>,
 }
 
 impl Rows {
     fn new(rows: usize, columns: usize) -> Self {
-        Self { columns, mass: vec![0.0; rows * columns], excess: vec![0.0; rows * columns], touched: columns..0 }
+        let zeros = || vec![[0.0; LANES]; rows * columns / LANES];
+        Self { columns, mass: zeros(), excess: zeros(), touched: columns..0 }
     }
 
     /// Adds `other`, whose rows belong to one cell of this array's slowest axis, to the nodes beside that cell.
@@ -38,8 +39,9 @@ impl Rows {
         self.touched = self.touched.start.min(other.touched.start)..self.touched.end.max(other.touched.end);
         for (first, weight) in [(node, 1.0 - upper), (node + 1, upper)] {
             if weight > 0.0 {
-                let first = first * other.mass.len();
+                let first = first * other.mass.len() * LANES;
                 for (from, to) in [(&other.mass, &mut self.mass), (&other.excess, &mut self.excess)] {
+                    let (from, to) = (from.as_flattened(), to.as_flattened_mut());
                     for (from, to) in from.chunks_exact(self.columns).zip(to[first..].chunks_exact_mut(self.columns)) {
                         let (from, to) = (&from[other.touched.clone()], &mut to[other.touched.clone()]);
                         from.iter().zip(to).for_each(|(from, to)| *to += weight * from);
@@ -52,7 +54,8 @@ impl Rows {
     fn clear(&mut self) {
         if !self.touched.is_empty() {
             for array in [&mut self.mass, &mut self.excess] {
-                array.chunks_exact_mut(self.columns).for_each(|row| row[self.touched.clone()].fill(0.0));
+                let rows = array.as_flattened_mut().chunks_exact_mut(self.columns);
+                rows.for_each(|row| row[self.touched.clone()].fill(0.0));
             }
             self.touched = self.columns..0;
         }
@@ -74,7 +77,7 @@ impl Azimuths {
     #[inline(always)]
     fn add(&mut self, (row, upper): (usize, f64), column: usize, t: f64) {
         self.touched = self.touched.start.min(column)..self.touched.end.max(column + 1);
-        let both = t * (1.0 - t) / 6.0;
+        let both = t * (1.0 - t) * (1.0 / 6.0);
         let shares = [1.0 - t, t, both * (2.0 - t), both * (1.0 + t)];
         for (row, weight) in [(row, 1.0 - upper), (row + 1, upper)] {
             let to = &mut self.shares[row * self.columns + column];
@@ -92,8 +95,8 @@ impl Azimuths {
         for (row, shares) in self.shares.chunks_exact_mut(columns).enumerate() {
             let shares = &mut shares[self.touched.clone()];
             let at = row * columns + self.touched.start;
-            let mass = &mut rows.mass[at..=at + shares.len()];
-            let excess = &mut rows.excess[at..=at + shares.len()];
+            let mass = &mut rows.mass.as_flattened_mut()[at..=at + shares.len()];
+            let excess = &mut rows.excess.as_flattened_mut()[at..=at + shares.len()];
             for (k, [lower, upper, of_lower, of_upper]) in shares.iter().enumerate() {
                 mass[k] += lower;
                 mass[k + 1] += upper;
@@ -119,12 +122,15 @@ impl Splat {
         let mut azimuths = Azimuths { columns, shares: vec![[0.0; 4]; nodes_phi * columns], touched: columns..0 };
         let [hats_i, hats_o, hats_phi] = [0, 1, 2].map(|axis| lattice.hats(axis));
         let finder = ColumnFinder::new(values);
+        let mut places = Vec::with_capacity(cells_phi);
         let mut index = 0;
         for (cells, hat_i) in cells.chunks_exact(cells_o * cells_phi).zip(hats_i) {
             for (cells, &hat_o) in cells.chunks_exact(cells_phi).zip(&hats_o) {
-                for (&value, &hat) in cells.iter().zip(&hats_phi) {
+                // One kind of work a loop: the first becomes vector code.
+                places.clear();
+                places.extend(cells.iter().map(|&value| lattice.below(value)));
+                for (&(node, t), &hat) in places.iter().zip(&hats_phi) {
                     if valid(index) {
-                        let (node, t) = lattice.below(value);
                         azimuths.add(hat, finder.find(node), t);
                     }
                     index += 1;
@@ -136,8 +142,7 @@ impl Splat {
             all.contract(hat_i, &of_theta_i);
             of_theta_i.clear();
         }
-        let scaled = |array: Vec<f64>| {
-            let mut array = array.as_chunks().0.to_vec();
+        let scaled = |mut array: Vec<Lanes>| {
             array.as_flattened_mut().iter_mut().for_each(|x| *x *= weight);
             array
         };

@@ -105,7 +105,8 @@ fn summary(record: &LossesRecord) -> String {
 struct Tally {
     better: Vec<String>,
     worse: Vec<String>,
-    undecided: Vec<String>,
+    /// How many.
+    undecided: usize,
 }
 
 impl Tally {
@@ -118,8 +119,8 @@ impl Tally {
             [] => format!("{what} by none"),
             some => format!("{what} by {} ({})", some.len(), some.join(", ")),
         };
-        let parts = [("better", &self.better), ("worse", &self.worse), ("undecided", &self.undecided)];
-        parts.map(|(what, judges)| part(what, judges)).join(", ")
+        let decided = [("better", &self.better), ("worse", &self.worse)].map(|(what, judges)| part(what, judges));
+        format!("{}, undecided by {}", decided.join(", "), self.undecided)
     }
 }
 
@@ -130,7 +131,7 @@ fn tallies(comparisons: &[Comparison]) -> BTreeMap<Loss, Tally> {
         match c.verdict {
             Verdict::Better => tally.better.push(c.judge.clone()),
             Verdict::Worse => tally.worse.push(c.judge.clone()),
-            Verdict::Undecided => tally.undecided.push(c.judge.clone()),
+            Verdict::Undecided => tally.undecided += 1,
             Verdict::NotFair => (),
         }
     }

@@ -40,7 +40,7 @@ const SAME_START: f64 = 1e-2;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Start {
-    /// [`staged`].
+    /// [`staged`](super::start::staged).
     Staged,
     /// At the result of a fit under D9.Cl; a learned metric is then let in by degrees.
     Log,

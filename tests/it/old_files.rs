@@ -164,7 +164,12 @@ fn an_extracted_study_is_read_with_the_versions_of_its_numbers() {
     let version = |name: &str| extracted.versions.metrics.get(name).map(String::as_str);
     assert_eq!((version("D9.Cl"), version("ot"), version("energy")), (Some("2"), Some("4"), Some("1")));
     let metrics = vernis::experiment::train::metrics(&extracted.study).unwrap();
-    extracted.check_versions(&metrics, "tiny.parquet").unwrap();
+    // The energy distance has got a second version since: its numbers would be others.
+    let (energy, others): (Vec<_>, Vec<_>) =
+        metrics.into_iter().partition(|metric| metric.properties().family == vernis_metric::metric::kernel::FAMILY);
+    extracted.check_versions(&others, "tiny.parquet").unwrap();
+    let refused = extracted.check_versions(&energy, "tiny.parquet").unwrap_err().to_string();
+    assert!(refused.contains("energy of version 1") && refused.contains("extract again"), "{refused}");
     // Written anew it says its versions by name, and who can read it.
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("again.parquet");

@@ -6,7 +6,7 @@ use crate::experiment::losses::compare::{Comparison, Verdict};
 use crate::experiment::losses::record::{Blending, LossesRecord, Searches};
 use crate::experiment::losses::{Loss, OPINION};
 use std::collections::BTreeMap;
-use vernis_metric::io::counted;
+use vernis_metric::io::{counted, decimals};
 
 /// The whole report; `command` makes it again.
 pub fn markdown(record: &LossesRecord, command: &str) -> String {
@@ -71,6 +71,15 @@ fn introduction(record: &LossesRecord) -> String {
 /// In plain words: what each loss is worth against each baseline, and whether blending helps.
 fn summary(record: &LossesRecord) -> String {
     let mut text = String::new();
+    if let Some(least) = least_p(record).filter(|least| *least >= 0.05) {
+        text += &format!(
+            "* **These tables can decide nothing**: with {} and {}, the least p after Holm's correction is {}. The intervals are \
+             not corrected.\n",
+            counted(record.materials.len(), "material"),
+            counted(record.resamples, "resample"),
+            decimals(least.min(1.0), 2),
+        );
+    }
     for (baseline, comparisons) in &record.pooled {
         let tallies = tallies(comparisons);
         for (loss, tally) in &tallies {
@@ -98,6 +107,14 @@ fn summary(record: &LossesRecord) -> String {
         }
     }
     text
+}
+
+/// The least p that a comparison of the tables can have after Holm's correction ([`crate::experiment::losses::compare`]).
+fn least_p(record: &LossesRecord) -> Option<f64> {
+    let fair = |comparisons: &Vec<Comparison>| comparisons.iter().filter(|c| c.verdict != Verdict::NotFair).count();
+    let most = record.pooled.iter().map(|(_, comparisons)| fair(comparisons)).max()?;
+    let of_materials = 0.5f64.powi(record.materials.len() as i32 - 1);
+    Some(most as f64 * of_materials.max(2.0 / (record.resamples as f64 + 1.0)))
 }
 
 /// What the fair judges say of a loss.

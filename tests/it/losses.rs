@@ -222,7 +222,9 @@ fn an_experiment_goes_on_where_it_stopped_and_judges_with_what_has_not_seen_the_
     assert_eq!(energy.verdict, Verdict::Undecided);
     let text = losses::markdown(&record, "vernis experiment losses");
     let nothing = "**These tables can decide nothing**: with 2 materials and ";
-    for expected in [nothing, "## In short", "**Blending ", "| judge | ot | vernis | vernis-blended |", "\n* Materials: "] {
+    for expected in
+        [nothing, "## In short", "**Blending ", "| judge | ot | vernis | vernis-blended |", "\n* Materials: "]
+    {
         assert!(text.contains(expected), "{expected} is missing in\n{text}");
     }
     assert!(LossesRecord::new(&study, &settings, &records[..1], 100).is_err(), "one material has no interval");

@@ -10,23 +10,23 @@ use std::f64::consts::FRAC_PI_2;
 
 /// A Gaussian is not narrowed below this times 1/s, half of its variance.
 const LEAST: f64 = 0.25;
-/// Nodes of a base axis where a kernel's width does not ask for more,
+/// Nodes of a base axis where a kernel's width does not ask for more.
 const NODES: usize = 11;
-/// so many to a blur,
+/// Nodes of a base axis to a blur.
 const PER_BLUR: f64 = 2.0;
-/// and at most.
+/// Nodes of a base axis at most.
 const MOST_NODES: usize = 24;
-/// The azimuth gets what the polar axes have no cells for, up to so many.
+/// Nodes of the azimuth at most: it gets what the polar axes have no cells for.
 const MOST_AZIMUTHS: usize = 40;
-/// The value nodes lie alpha/FINENESS apart,
+/// Value nodes lie alpha/FINENESS, blur/BLURRED or COARSEST apart, whichever is least.
 const FINENESS: f64 = 16.0;
-/// or blur/BLURRED,
+/// See [`FINENESS`].
 const BLURRED: f64 = 6.0;
-/// or as far as this, whichever is least: directions alone do not tell how fine the values are.
+/// See [`FINENESS`]: directions alone do not tell how fine the values are.
 const COARSEST: f64 = 0.0125;
-/// Standard deviation of the narrowest Gaussian, in the distance of base nodes,
+/// Standard deviation of the narrowest Gaussian in distances of base nodes; [`NARROWEST_IN_VALUE`] where that is wider.
 const NARROWEST: f64 = 0.65;
-/// and in the distance of value nodes, whichever is more.
+/// The same in distances of value nodes.
 const NARROWEST_IN_VALUE: f64 = 1.25;
 /// The distance of the places at which a Gaussian's factor is kept along the value axis, in its standard deviation, at most: the
 /// trapezium rule then errs by 2 exp(-2 pi^2 (1/2)^2/0.8^2) = 9e-4 of single pairs, of either sign.

@@ -4,9 +4,11 @@
 mod cell_finder;
 mod error;
 pub mod formats;
+mod found;
 mod grid;
 mod interpolation;
 pub mod models;
+mod notation;
 pub mod plausibility;
 mod source;
 mod tabulated;
@@ -14,7 +16,8 @@ mod tabulated;
 pub use error::BrdfError;
 pub use grid::{Anchor, Grid, GridDirections};
 pub use interpolation::{ConversionLoss, on_grid};
-pub use source::{BrdfSource, ContentHash, IdentifiedBrdf, OpenBrdf, collection};
+pub use notation::collection;
+pub use source::{BrdfSource, ContentHash, IdentifiedBrdf, OpenBrdf};
 pub use tabulated::{TableError, TabulatedBrdf};
 
 use crate::math::{Rgb, Vec3};

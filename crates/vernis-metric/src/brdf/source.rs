@@ -1,35 +1,12 @@
-//! One notation for a BRDF, used by every subcommand and every study.
-//!
-//! | notation | what |
-//! | --- | --- |
-//! | `alum-bronze.binary` | a MERL table |
-//! | `teflon.T.titopo`, `teflon.T.titopoh` | a Titopo table |
-//! | `chm_orange_rgb.bsdf` | a measurement of the RGL database, isotropic and in RGB |
-//! | `teflon.h5` | an NBRDF network |
-//! | `merl_nbrdf.zip:teflon`, `BRDFDatabase.zip:teflon` | any of these in an archive |
-//! | `ngan_ward.fit:teflon`, `ngan_ward.fit:teflon?model=ward-duer&alpha=0.2` | a published fit, with overrides |
-//! | `npf.bin:teflon` | tabulated factors |
-//! | `ward.json`, `ward.json?ks=0.1,0.1,0.1` | a model (or a sum of models) and its parameters, with overrides |
-//! | `merl_nbrdf.zip:teflon?fit=dupuy-ggx`, `alum-bronze.binary?fit=dupuy` | what is read off any of these without a search |
-//!
-//! An override sets a field of the model that is evaluated, so `kd` and `ks` are the final albedos. `model` reads the same
-//! parameters as another model of the same fields.
-//!
-//! `fit` names a model that the BRDF before it gives directly: `dupuy`, `dupuy-ggx` or `dupuy-beckmann`
-//! ([`Dupuy::from_retroreflection`]); `vernis fit --model` makes the same model. The content is the content of the BRDF before it with
-//! the name of the model and the version of the extraction. An extraction takes some milliseconds, and is put off until values are
-//! asked for.
+//! Where a BRDF comes from, and what it is once it was opened. `notation.rs` says how sources are written.
 
-use super::formats::{archive, extension, fit, materials, merl, model_json, nbrdf, npf, rgl, titopo, what_it_is};
-use super::models::{Dupuy, NamedParameters};
+use super::found::Found;
+use super::notation::{Parsed, find};
 use super::{Brdf, BrdfError};
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-
-/// Folders below the data folder in which a relative path is looked for as well.
-const SUBFOLDERS: [&str; 6] = ["nbrdf", "published-fits", "bagher2016-npf", "merl", "lavoue2021", "rgl"];
 
 /// SHA-256 of what defines a BRDF (file bytes, or the canonical form of a model's parameters): the cache key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -117,83 +94,6 @@ impl From<OpenBrdf> for IdentifiedBrdf {
     }
 }
 
-/// The bytes of a file, or of a member of an archive, whose size and header are those of a table.
-struct TableFile {
-    kind: Kind,
-    /// For messages.
-    path: PathBuf,
-    bytes: Vec<u8>,
-}
-
-impl TableFile {
-    fn open(kind: Kind, path: &Path) -> Result<Self, BrdfError> {
-        let bytes = if kind == Kind::Merl { merl::bytes(path) } else { titopo::bytes(path) }?;
-        Ok(Self { kind, path: path.to_owned(), bytes })
-    }
-
-    /// Of bytes that were unpacked already.
-    fn new(kind: Kind, path: PathBuf, bytes: Vec<u8>) -> Result<Self, BrdfError> {
-        let size = bytes.len() as u64;
-        if kind == Kind::Merl { merl::grid(&path, &bytes, size) } else { titopo::grid(&path, size) }?;
-        Ok(Self { kind, path, bytes })
-    }
-
-    fn content(&self) -> ContentHash {
-        ContentHash::of(&self.bytes)
-    }
-
-    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
-        let decode = if self.kind == Kind::Merl { merl::decode } else { titopo::decode };
-        Ok(Arc::new(decode(&self.path, &self.bytes)?))
-    }
-}
-
-/// What a notation leads to: a BRDF and its content, or what is still to be decoded.
-enum Found {
-    Open(ContentHash, Arc<dyn Brdf>),
-    Table(TableFile),
-    Extraction(Extraction),
-}
-
-impl Found {
-    fn content(&self) -> ContentHash {
-        match self {
-            Self::Open(content, _) => *content,
-            Self::Table(file) => file.content(),
-            Self::Extraction(extraction) => extraction.content(),
-        }
-    }
-
-    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
-        match self {
-            Self::Open(_, brdf) => Ok(brdf.clone()),
-            Self::Table(file) => file.decode(),
-            Self::Extraction(extraction) => extraction.decode(),
-        }
-    }
-}
-
-/// A model that is read off another BRDF.
-struct Extraction {
-    /// For messages.
-    notation: String,
-    /// One of [`Dupuy::MODELS`].
-    model: &'static str,
-    reference: Box<Found>,
-}
-
-impl Extraction {
-    fn content(&self) -> ContentHash {
-        let (version, reference) = (Dupuy::EXTRACTION_VERSION, self.reference.content());
-        ContentHash::of(format!("extraction {version} of {} from {reference}", self.model).as_bytes())
-    }
-
-    fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
-        let found = Dupuy::extracted(self.model, &*self.reference.decode()?);
-        Ok(Arc::new(found.map_err(|cause| BrdfError::Model { place: self.notation.clone(), cause })?))
-    }
-}
-
 /// Where a BRDF comes from; nothing is read until it is opened.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
@@ -278,217 +178,10 @@ impl BrdfSource {
     }
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Merl,
-    Titopo,
-    Rgl,
-    Network,
-    Archive,
-    Fits,
-    Factors,
-    Json,
-}
-
-impl Kind {
-    fn of(path: &str) -> Option<Self> {
-        Some(match extension(Path::new(path)).as_str() {
-            "binary" => Self::Merl,
-            "titopo" | "titopoh" => Self::Titopo,
-            "bsdf" => Self::Rgl,
-            "h5" => Self::Network,
-            "zip" => Self::Archive,
-            "fit" => Self::Fits,
-            "bin" => Self::Factors,
-            "json" => Self::Json,
-            _ => return None,
-        })
-    }
-
-    fn has_materials(self) -> bool {
-        matches!(self, Self::Archive | Self::Fits | Self::Factors)
-    }
-
-    fn has_parameters(self) -> bool {
-        matches!(self, Self::Fits | Self::Json)
-    }
-}
-
-/// The parts of a notation.
-struct Parsed<'a> {
-    notation: &'a str,
-    kind: Kind,
-    path: &'a str,
-    material: &'a str,
-    overrides: Vec<(&'a str, &'a str)>,
-    /// A model that is read off what the rest names.
-    fit: Option<&'static str>,
-}
-
-/// Of a model that is read off a BRDF, among the keys after the `?`.
-const FIT: &str = "fit";
-
-impl<'a> Parsed<'a> {
-    fn new(notation: &'a str) -> Result<Self, BrdfError> {
-        let error = |reason: String| BrdfError::Notation { notation: notation.to_owned(), reason };
-        let (place, query) = match notation.split_once('?') {
-            Some((place, query)) => (place, Some(query)),
-            None => (notation, None),
-        };
-        // A colon belongs to the path unless what precedes it is a collection.
-        let split = place.rsplit_once(':').filter(|(path, _)| Kind::of(path).is_some());
-        let (path, material) = split.map_or((place, None), |(path, material)| (path, Some(material)));
-        let Some(kind) = Kind::of(path) else {
-            return Err(error(match extension(Path::new(path)) {
-                none if none.is_empty() => "the file name has no extension".to_owned(),
-                other => match what_it_is(&other) {
-                    Some(known) => format!("a `.{other}` is {known}"),
-                    None => format!("the extension `{other}` is unknown"),
-                },
-            }));
-        };
-        let material = match (kind.has_materials(), material) {
-            (true, None | Some("")) => {
-                let other =
-                    if kind == Kind::Factors { " (a `.bin` of UTIA is another format and cannot be read)" } else { "" };
-                return Err(error(format!("`{path}` holds many materials, name one{other}")));
-            }
-            (false, Some(_)) => return Err(error(format!("`{path}` holds one material, it takes no name"))),
-            (_, material) => material.unwrap_or_default(),
-        };
-        let assignment =
-            |part: &'a str| part.split_once('=').ok_or_else(|| error(format!("`{part}` is not of the form KEY=VALUE")));
-        let pairs: Vec<(&str, &str)> = query.map_or(Ok(Vec::new()), |q| q.split('&').map(assignment).collect())?;
-        let (fits, overrides): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(key, _)| *key == FIT);
-        if !overrides.is_empty() && !kind.has_parameters() {
-            return Err(error(format!("`{path}` holds no parameters to override")));
-        }
-        let fit = match fits[..] {
-            [] => None,
-            [(_, model)] => Some(extracted_model(model).map_err(error)?),
-            _ => return Err(error(format!("`{FIT}` is given twice"))),
-        };
-        Ok(Self { notation, kind, path, material, overrides, fit })
-    }
-
-    /// What the notation names; nothing but a model and its parameters is computed.
-    fn found(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
-        let found = self.read(base)?;
-        Ok(match self.fit {
-            None => found,
-            Some(model) => {
-                let (notation, reference) = (self.notation.to_owned(), Box::new(found));
-                Found::Extraction(Extraction { notation, model, reference })
-            }
-        })
-    }
-
-    /// [`Parsed::found`] and decoded; the bytes of a MERL table are not kept.
-    fn decoded(&self, base: Option<&Path>) -> Result<Arc<dyn Brdf>, BrdfError> {
-        match (self.kind, self.fit) {
-            (Kind::Merl, None) => Ok(Arc::new(merl::read(&find(self.path, base)?)?)),
-            _ => self.found(base)?.decode(),
-        }
-    }
-
-    /// Reads what the notation names without its `fit`, and decodes it unless it is a table.
-    fn read(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
-        let path = &find(self.path, base)?;
-        let material = self.material;
-        Ok(match self.kind {
-            Kind::Merl | Kind::Titopo => Found::Table(TableFile::open(self.kind, path)?),
-            Kind::Rgl => {
-                let bytes = rgl::bytes(path)?;
-                Found::Open(ContentHash::of(&bytes), Arc::new(rgl::decode(path, &bytes)?))
-            }
-            Kind::Network => {
-                let bytes = nbrdf::bytes(path)?;
-                Found::Open(ContentHash::of(&bytes), Arc::new(nbrdf::decode_file(path, bytes)?))
-            }
-            Kind::Archive => {
-                let archive::Member { name, bytes } = archive::member(path, material)?;
-                match Kind::of(&name) {
-                    Some(kind @ (Kind::Merl | Kind::Titopo)) => {
-                        let place = PathBuf::from(format!("{}:{name}", path.display()));
-                        Found::Table(TableFile::new(kind, place, bytes)?)
-                    }
-                    Some(Kind::Rgl) => {
-                        let place = PathBuf::from(format!("{}:{name}", path.display()));
-                        Found::Open(ContentHash::of(&bytes), Arc::new(rgl::decode(&place, &bytes)?))
-                    }
-                    _ => Found::Open(ContentHash::of(&bytes), Arc::new(nbrdf::decode(path, material, bytes)?)),
-                }
-            }
-            Kind::Factors => {
-                let row = npf::row(path, material)?;
-                Found::Open(npf::content(&row), Arc::new(npf::decode(path, material, &row)?))
-            }
-            Kind::Fits => self.model(fit::read(path, material)?)?,
-            Kind::Json => self.model(model_json::read(path)?)?,
-        })
-    }
-
-    /// The model of `parameters` after the overrides.
-    fn model(&self, mut parameters: NamedParameters) -> Result<Found, BrdfError> {
-        for (key, value) in &self.overrides {
-            if *key == "model" {
-                parameters = self.read_as(&parameters, value)?;
-                continue;
-            }
-            let entries: Option<Vec<f64>> = value.split(',').map(|v| v.trim().parse().ok()).collect();
-            model_json::set(&mut parameters, self.notation, key, &entries.unwrap_or_default(), value)?;
-        }
-        let model = parameters.build().map_err(|cause| BrdfError::Model { place: self.notation.to_owned(), cause })?;
-        Ok(Found::Open(ContentHash::of(parameters.canonical().as_bytes()), model))
-    }
-
-    fn read_as(&self, parameters: &NamedParameters, model: &str) -> Result<NamedParameters, BrdfError> {
-        let fields = |p: &NamedParameters| p.fields().iter().map(|(f, _)| *f).collect::<Vec<_>>().join(", ");
-        let other = model_json::for_model(self.notation, model)?;
-        parameters.with_model(model).ok_or_else(|| BrdfError::Field {
-            place: self.notation.to_owned(),
-            field: "model".to_owned(),
-            found: format!("{model} ({})", fields(&other)),
-            allowed: format!("a model with the fields of {} ({})", parameters.model(), fields(parameters)),
-        })
-    }
-}
-
-/// A model that can be read off a BRDF, by its name.
-fn extracted_model(name: &str) -> Result<&'static str, String> {
-    let found = Dupuy::MODELS.into_iter().find(|model| *model == name);
-    found.ok_or_else(|| format!("`{FIT}` is {name}; it must be one of {}", Dupuy::MODELS.join(", ")))
-}
-
-/// The materials of the collection that `notation` names as a whole, such as `merl_nbrdf.zip` or `npf.bin`, sorted; `None`
-/// where it names something else. The file is looked for as [`BrdfSource::open`] does.
-///
-/// # Errors
-/// A file that is missing or no collection of its kind.
-pub fn collection(notation: &str, base: Option<&Path>) -> Result<Option<Vec<String>>, BrdfError> {
-    match Kind::of(notation) {
-        Some(kind) if kind.has_materials() => materials(&find(notation, base)?).map(Some),
-        _ => Ok(None),
-    }
-}
-
-/// The first place where the file exists.
-fn find(path: &str, base: Option<&Path>) -> Result<PathBuf, BrdfError> {
-    let mut tried = vec![PathBuf::from(path)];
-    if let (Some(base), true) = (base, Path::new(path).is_relative()) {
-        tried.push(base.join(path));
-        tried.extend(SUBFOLDERS.iter().map(|folder| base.join(folder).join(path)));
-    }
-    // What is there and no regular file is found last, and refused by name when it is opened.
-    match tried.iter().find(|p| p.is_file()).or_else(|| tried.iter().find(|p| p.exists())) {
-        Some(found) => Ok(found.clone()),
-        None => Err(BrdfError::NotFound { path: path.to_owned(), tried }),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brdf::models::Dupuy;
 
     #[test]
     fn a_hash_is_read_as_it_is_shown() {
@@ -509,17 +202,6 @@ mod tests {
         assert_eq!(locate("a.fit:teflon?eta=2.5").expect("there"), Some(folder.path().join("a.fit")));
         assert!(matches!(locate("b.fit:teflon"), Err(BrdfError::NotFound { .. })));
         assert!(matches!(locate("a.fit"), Err(BrdfError::Notation { .. })));
-    }
-
-    #[test]
-    fn the_notation_is_taken_apart() {
-        let p = Parsed::new("data/ngan_ward.fit:teflon?model=ward-duer&alpha=.2").expect("valid");
-        assert_eq!((p.path, p.material), ("data/ngan_ward.fit", "teflon"));
-        assert_eq!(p.overrides, [("model", "ward-duer"), ("alpha", ".2")]);
-        let p = Parsed::new("ngan_ward.fit:teflon?alpha=.2&fit=dupuy-ggx").expect("valid");
-        assert_eq!((&p.overrides[..], p.fit), (&[("alpha", ".2")][..], Some("dupuy-ggx")));
-        let p = Parsed::new("C:/a/teflon.T.titopo").expect("valid");
-        assert_eq!((p.path, p.material), ("C:/a/teflon.T.titopo", ""));
     }
 
     /// The extraction is that of the model, its content tells references and models apart, and it waits until it is asked for.

@@ -1,9 +1,9 @@
 //! What was computed from a BRDF, kept on disk.
 //!
 //! A file is found by the BRDF's content hash and the setup's id (version, lights, shape), and holds, little-endian:
-//! the magic `VERNISC1`, its own key (u32 length, UTF-8), the payload, and the SHA-256 of all that precedes; or the magic `VERNISC2`, the
-//! same, and the CRC-32 of it: for operators, 40 MB that every use of a learned metric reads, and a SHA-256 is a third of its time. A file that is
-//! truncated, damaged, of another key or of another format is never trusted: its content is computed again and the file
+//! the magic `VERNISC1`, its own key (u32 length, UTF-8), the payload, and the SHA-256 of all that precedes. Operators have the magic
+//! `VERNISC2` and end in a CRC-32: every use of a learned metric reads these 40 MB, and their SHA-256 took a third of the time. Older
+//! operators, which end in a SHA-256, are still read. A file that is truncated, damaged, of another key or of another format is never trusted: its content is computed again and the file
 //! replaced. Writing goes to a temporary name and is renamed, so that a reader never sees half a file. A folder that
 //! cannot be written costs time, not results: the failure comes back as a [`CacheWarning`].
 
@@ -76,8 +76,8 @@ pub struct CacheWarning {
 #[derive(Debug, Clone)]
 pub struct Cache {
     folder: PathBuf,
-    /// Whether the folder was cleared of half-written files. It is before the first file is written: a folder may hold tens of
-    /// thousands of files, and who only reads need not list them.
+    /// Whether half-written files were removed. It happens before the first file is written: a folder may hold tens of thousands of
+    /// files, and a run that only reads should not list them.
     swept: Arc<Once>,
 }
 

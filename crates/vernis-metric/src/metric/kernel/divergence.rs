@@ -7,6 +7,7 @@ use super::plan::Plan;
 use super::side::{Side, potential};
 use super::splat::slopes;
 use crate::metric::graph::{CommonCells, GraphGrid, Tone};
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// How a channel is compared.
@@ -43,7 +44,6 @@ impl Channels {
     /// `planes` are f cos theta_i of each channel, one a cell of `grid`, `own` the cells that are measured. `direct` leaves the lattice
     /// out.
     pub fn new(setting: Setting, planes: &[&[f64]], grid: GraphGrid, own: CommonCells, direct: bool) -> Self {
-        use rayon::prelude::*;
         let mut plan = Plan::new(setting.kernel, setting.alpha, grid);
         let toned = |plane: &&[f64]| plane.iter().map(|t| setting.tone.value(*t)).collect::<Vec<f64>>();
         let values: Vec<Vec<f64>> = planes.par_iter().map(toned).collect();
@@ -228,28 +228,21 @@ impl Remainder {
         Self { per_unit: 1.0 / step, cubics: nodes.windows(2).map(cubic).collect(), far: nodes[INTERVALS].0 }
     }
 
+    /// The cubic of the interval that holds r, and the way through it; none further away.
+    #[inline(always)]
+    fn at(&self, r: f64) -> Option<(&[f64; 4], f64)> {
+        let x = r * self.per_unit;
+        self.cubics.get(x as usize).map(|cubic| (cubic, x - (x as usize) as f64))
+    }
+
     #[inline(always)]
     fn value(&self, r: f64) -> f64 {
-        let x = r * self.per_unit;
-        match self.cubics.get(x as usize) {
-            Some([c0, c1, c2, c3]) => {
-                let t = x - (x as usize) as f64;
-                c0 + t * (c1 + t * (c2 + t * c3))
-            }
-            None => self.far,
-        }
+        self.at(r).map_or(self.far, |([c0, c1, c2, c3], t)| c0 + t * (c1 + t * (c2 + t * c3)))
     }
 
     #[inline(always)]
     fn slope(&self, r: f64) -> f64 {
-        let x = r * self.per_unit;
-        match self.cubics.get(x as usize) {
-            Some([_, c1, c2, c3]) => {
-                let t = x - (x as usize) as f64;
-                (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * self.per_unit
-            }
-            None => 0.0,
-        }
+        self.at(r).map_or(0.0, |([_, c1, c2, c3], t)| (c1 + t * (2.0 * c2 + 3.0 * t * c3)) * self.per_unit)
     }
 }
 

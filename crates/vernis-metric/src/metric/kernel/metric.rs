@@ -81,11 +81,15 @@ impl KernelMetric {
     /// # Errors
     /// A table without a valid cell.
     pub fn prepare_channels(&self, table: Arc<CosineTable>) -> Result<PreparedChannels, MetricError> {
-        let own = table.common_cells(&table, &self.name)?;
+        let channels = self.channels_of(&table)?;
+        Ok(PreparedChannels { table, channels })
+    }
+
+    fn channels_of(&self, table: &CosineTable) -> Result<Channels, MetricError> {
+        let own = table.common_cells(table, &self.name)?;
         let planes = [0, 1, 2].map(|c| table.channel(c));
         let direct = own.count() <= DIRECT;
-        let channels = Channels::new(self.setting, &planes, table.grid(), own, direct);
-        Ok(PreparedChannels { table, channels })
+        Ok(Channels::new(self.setting, &planes, table.grid(), own, direct))
     }
 
     /// The divergence of each channel (R, G, B).
@@ -93,18 +97,18 @@ impl KernelMetric {
     /// # Errors
     /// No cell in common; tables on different grids.
     pub fn between(&self, reference: &PreparedChannels, candidate: &PreparedChannels) -> Result<[f64; 3], MetricError> {
-        self.pairs(reference, candidate, |_, pair| pair.divergence())
+        self.pairs(reference.borrowed(), candidate.borrowed(), |_, pair| pair.divergence())
     }
 
     fn pairs<T: Send>(
         &self,
-        reference: &PreparedChannels,
-        candidate: &PreparedChannels,
+        reference: (&CosineTable, &Channels),
+        candidate: (&CosineTable, &Channels),
         of: impl Fn(usize, &Pair<'_>) -> T + Sync,
     ) -> Result<[T; 3], MetricError> {
-        let common = reference.table.common_cells(&candidate.table, &self.name)?;
+        let common = reference.0.common_cells(candidate.0, &self.name)?;
         let direct = common.count() <= DIRECT;
-        let comparison = Comparison::new(&reference.channels, &candidate.channels, &common, direct);
+        let comparison = Comparison::new(reference.1, candidate.1, &common, direct);
         let channel = |c: usize| of(c, &comparison.pair(c));
         let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
         Ok([red, green, blue])
@@ -168,6 +172,12 @@ pub struct PreparedChannels {
     channels: Channels,
 }
 
+impl PreparedChannels {
+    fn borrowed(&self) -> (&CosineTable, &Channels) {
+        (&self.table, &self.channels)
+    }
+}
+
 struct PreparedKernel {
     metric: KernelMetric,
     reference: PreparedChannels,
@@ -175,13 +185,13 @@ struct PreparedKernel {
 
 impl PreparedTable for PreparedKernel {
     fn channels(&self, candidate: &CosineTable) -> Result<[f64; 3], MetricError> {
-        let candidate = self.metric.prepare_channels(Arc::new(candidate.clone()))?;
-        self.metric.between(&self.reference, &candidate)
+        let channels = self.metric.channels_of(candidate)?;
+        self.metric.pairs(self.reference.borrowed(), (candidate, &channels), |_, pair| pair.divergence())
     }
 
     fn gradients(&self, candidate: &CosineTable) -> Result<ChannelGradients, MetricError> {
-        let candidate = self.metric.prepare_channels(Arc::new(candidate.clone()))?;
-        let of = |c: usize, pair: &Pair<'_>| (pair.divergence(), pair.gradient(candidate.table.channel(c)));
-        self.metric.pairs(&self.reference, &candidate, of)
+        let channels = self.metric.channels_of(candidate)?;
+        let of = |c: usize, pair: &Pair<'_>| (pair.divergence(), pair.gradient(candidate.channel(c)));
+        self.metric.pairs(self.reference.borrowed(), (candidate, &channels), of)
     }
 }

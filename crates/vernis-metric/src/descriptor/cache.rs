@@ -3,9 +3,9 @@
 //! A file is found by the BRDF's content hash and the setup's id (version, lights, shape), and holds, little-endian:
 //! the magic `VERNISC1`, its own key (u32 length, UTF-8), the payload, and the SHA-256 of all that precedes. Operators have the magic
 //! `VERNISC2` and end in a CRC-32: every use of a learned metric reads these 40 MB, and their SHA-256 took a third of the time. Older
-//! operators, which end in a SHA-256, are still read. A file that is truncated, damaged, of another key or of another format is never trusted: its content is computed again and the file
-//! replaced. Writing goes to a temporary name and is renamed, so that a reader never sees half a file. A folder that
-//! cannot be written costs time, not results: the failure comes back as a [`CacheWarning`].
+//! operators, which end in a SHA-256, are still read. A file that is truncated, damaged, of another key or of another format is never
+//! trusted: its content is computed again and the file replaced. Writing goes to a temporary name and is renamed, so that a reader never
+//! sees half a file. A folder that cannot be written costs time, not results: the failure comes back as a [`CacheWarning`].
 
 use super::features::{BrdfFeatures, Stored};
 use super::setup::Operators;
@@ -305,4 +305,29 @@ fn decode_operator(reader: &mut Reader<'_>, lights: usize, pixels: usize) -> Opt
         && node.iter().all(|n| (*n as usize) < NODES)
         && weight.iter().all(|w| w.is_finite());
     ordered.then_some(Operator { lights, start, node, weight })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Files of both kinds, one of which older programs wrote for operators too; no damage is overlooked.
+    #[test]
+    fn what_either_seal_closes_is_read_and_damage_is_found() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cache = Cache::open(folder.path()).expect("writable");
+        let path = folder.path().join("a.operators");
+        for (seal, length) in [(Seal::Sha256, 8 + 4 + 3 + 7 + 32), (Seal::Crc32, 8 + 4 + 3 + 7 + 4)] {
+            cache.write(path.clone(), "key", b"payload", seal).expect("written");
+            let whole = std::fs::read(&path).expect("there");
+            assert_eq!((payload(&whole, "key"), whole.len()), (Some(&b"payload"[..]), length));
+            assert_eq!(payload(&whole, "kex"), None);
+            for place in 0..whole.len() {
+                let mut damaged = whole.clone();
+                damaged[place] ^= 1;
+                assert_eq!(payload(&damaged, "key"), None, "byte {place}");
+                assert_eq!(payload(&whole[..place], "key"), None, "{place} bytes");
+            }
+        }
+    }
 }

@@ -214,7 +214,7 @@ fn extracted_model(name: &str) -> Result<&'static str, String> {
 }
 
 /// The materials of the collection that `notation` names as a whole, such as `merl_nbrdf.zip` or `npf.bin`, sorted; `None`
-/// where it names something else. The file is looked for as [`BrdfSource::open`] does.
+/// where it names something else. The file is looked for as [`BrdfSource::open`](super::BrdfSource::open) does.
 ///
 /// # Errors
 /// A file that is missing or no collection of its kind.

@@ -22,7 +22,7 @@ use vernis_metric::io::{counted, decimals};
 #[command(after_help = "\
 The result is a model file that every subcommand reads as a BRDF. Its `stop` says how the search ended:
   converged       steps became small, or a round of them gained next to nothing. Under learned metrics lbfgs then tries two
-                  other shapes of the lobe, within a third of the evaluations; the lowest counts
+                  other shapes of the lobe, and for models of ten parameters or more a fit under D9.Cl; the lowest counts
   nothing-moved   no step from the start lowers the loss
   no-descent      lbfgs: the gradient shows no way down any more
   flat            no step changes the loss by a millionth: the result means nothing; exit code 3

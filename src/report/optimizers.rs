@@ -16,7 +16,7 @@ pub fn markdown(record: &OptimizerRecord, command: &str) -> String {
          value with its gradient, which costs two to three values. *lower or the same*: fits whose loss by L-BFGS is at most {SAME} above \
          that by Hooke-Jeeves. *after*: evaluations after which L-BFGS was as low as Hooke-Jeeves at its end, as a share of those of \
          Hooke-Jeeves. Under a learned metric L-BFGS begins again from up to two other shapes of the lobe, until a third of the evaluations \
-         is spent; these count. When a search ends, and how many there are, was chosen while looking at this table for 15 references \
+         is spent, and with ten parameters or more from a fit under D9.Cl before; these count. When a search ends, and how many there are, was chosen while looking at this table for 15 references \
          of the open study: what fits of other materials gain may be less.\n\n",
         markdown::code(command),
         counted(materials.len(), "reference"),

@@ -1,6 +1,6 @@
 //! The Sinkhorn divergence of three channels, as `ot` takes it, of the golden pairs (a second's throughput, so
 //! that its inverse is the mean of a pair): three sizes, default and fast, prepared and not, beside sums
-//! over all pairs with the standard library on a small size; the energy distance; two workers beside one.
+//! over all pairs with the standard library on a small size; clusters of cells, for p = 1; the energy distance; two workers beside one.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench transport` for one thread.
 
@@ -122,6 +122,33 @@ fn energy(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// The metals with p = 1, whose cells are clustered on the finer grids, with and without a gradient; and p = 2 with so long a base that its
+/// cells are clustered as well.
+fn clusters(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("ot in clusters, three channels");
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));
+    for (name, cost, alpha) in
+        [("p 1", GroundCost::Distance, ALPHA), ("p 2, alpha 2", GroundCost::SquaredDistance, 2.0)]
+    {
+        let parameters = SinkhornParameters::new(cost, alpha, BLUR, SCALING).expect("parameters");
+        for size in ["9x9x36", "45x45x180"] {
+            let grid: GraphGrid = size.parse().expect("a grid");
+            let channels = graphs(grid).swap_remove(METALS);
+            let prepare = |values: &Vec<f64>| PreparedChannel::new(&parameters, grid, values, None).expect("a channel");
+            let channels = channels.each_ref().map(|pair| pair.each_ref().map(prepare));
+            group.bench_function(BenchmarkId::new(name, size), |bencher| {
+                bencher.iter(|| channels.each_ref().map(|[a, b]| divergence(&parameters, a, b).expect("a divergence")));
+            });
+            group.bench_function(BenchmarkId::new(format!("{name}, with gradient"), size), |bencher| {
+                let gradient =
+                    |[a, b]: &[PreparedChannel; 2]| divergence_and_gradient(&parameters, a, b).expect("a gradient");
+                bencher.iter(|| channels.each_ref().map(gradient));
+            });
+        }
+    }
+    group.finish();
+}
+
 /// Eight divergences of one channel shared by one worker and by two.
 fn workers(criterion: &mut Criterion) {
     let study = SinkhornParameters::new(GroundCost::SquaredDistance, ALPHA, BLUR, SCALING).expect("parameters");
@@ -140,5 +167,5 @@ fn workers(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, transport, all_pairs, energy, workers);
+criterion_group!(benches, transport, clusters, all_pairs, energy, workers);
 criterion_main!(benches);

@@ -111,11 +111,6 @@ impl Loss {
         if matches!(self, Self::Transport | Self::Energy) { Method::Lbfgs } else { default }
     }
 
-    /// Whether its fits begin from one under D9.Cl.
-    fn begins_at_log(self) -> bool {
-        matches!(self.start(), Some(Start::Log | Start::LogAtOnce))
-    }
-
     /// `None`: as a fit under the metric begins by default.
     fn start(self) -> Option<Start> {
         match self {

@@ -338,7 +338,7 @@ impl<'a> Job<'a> {
             source: Box::new(source),
         };
         let log_fits = match log_fits {
-            _ if !loss.begins_at_log() => None,
+            _ if !fitting.needs_log_fits().map_err(failed)? => None,
             Some(kept) if kept.model() == model => Some(&*kept),
             _ => Some(&*log_fits.insert(fitting.log_fits(&*reference.brdf).map_err(failed)?)),
         };

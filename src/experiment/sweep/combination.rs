@@ -3,14 +3,14 @@
 //! Transport: p in {1, 2}, alpha in {0.01, 0.05, 0.1, 1}, epsilon (blur) in {0.01, 0.02, 0.05, 0.1}, s (scaling) in {0.8, 0.9, 0.95, 0.99},
 //! phi in {t, t^1/2, t^1/3, t^1/4, ln(t + eta)}, eta in {0.001, 0.01, 0.1, 1}: 2 x 4 x 4 x 4 x 8 = 1024. The paper counts 992 and
 //! does not say which 32 it leaves out; without p 2, alpha 1, epsilon 0.01 (4 s x 8 phi = 32), where the squared distances
-//! reach 10^4 epsilons and exponentials vanish, 992 are left, and those are swept here. Of these the metric refuses p 1, and
-//! whatever else its method does not cover, on fine grids; a refusal is a result. Energy: alpha and phi, 4 x 8 = 32. The
-//! power gamma in {0.25, 0.35, 0.5} is applied afterwards, to the same divergences.
+//! reach 10^4 epsilons and exponentials vanish, 992 are left, and those are swept here. What the metric refuses is a result. Energy:
+//! alpha and phi, 4 x 8 = 32. The power gamma in {0.25, 0.35, 0.5} is applied afterwards, to the same divergences.
 //!
 //! Source: Lavoué et al. 2021, doi:10.1111/cgf.142636, section 6.1.
 
 use std::fmt;
 use vernis_metric::metric::graph::Tone;
+use vernis_metric::metric::transport::GroundCost;
 
 /// Lengths of the base axes (the paper's alpha).
 pub const ALPHAS: [f64; 4] = [0.01, 0.05, 0.1, 1.0];
@@ -83,9 +83,10 @@ impl Combination {
 
     /// The version of the metric's numbers.
     pub fn version(&self) -> &'static str {
-        match self.family() {
-            Family::Transport => vernis_metric::metric::transport::VERSION,
-            Family::Energy => vernis_metric::metric::kernel::VERSION,
+        match self.transport {
+            Some(Transport { p: 1.0, .. }) => GroundCost::Distance.version(),
+            Some(_) => GroundCost::SquaredDistance.version(),
+            None => vernis_metric::metric::kernel::VERSION,
         }
     }
 

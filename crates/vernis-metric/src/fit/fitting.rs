@@ -3,7 +3,8 @@
 //! 1. The loss of the metric, and a cheaper one for the search: fewer cells for Lp, a coarser grid for metrics on graphs.
 //! 2. The starts: staged, fits under the logarithm (D9.Cl), or given parameters; further ones by rank, then by chance.
 //! 3. A search from each start under the cheap loss, in parallel; the best one counts (`search.rs`). Under a learned metric
-//!    L-BFGS begins again from other shapes of the lobe, until a third of the evaluations is spent.
+//!    L-BFGS begins again from other shapes of the lobe, until a third of the evaluations is spent, and with many parameters from
+//!    a fit under the logarithm first.
 //! 4. A polish under the metric itself, with steps of a hundredth: by L-BFGS where there are gradients, else by the method
 //!    of the search.
 //!
@@ -33,6 +34,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A random start moves every coordinate by up to so much.
 const SCATTER: f64 = 1.0;
+/// With so many parameters the sweeps of the staged start, one field at a time, miss good starts: a fit under a learned metric by
+/// L-BFGS then begins at a log fit as well.
+const MANY_PARAMETERS: usize = 10;
 /// Staged starts that are nearer to each other than this, in every coordinate of their shapes, are one rival.
 const SAME_START: f64 = 1e-2;
 
@@ -83,8 +87,8 @@ pub struct Fitting<'a> {
     pub coarsening: usize,
     /// For each start; `None`: 5000 for Lp, 400 for others.
     pub max_evaluations: Option<usize>,
-    /// Fits under D9.Cl that are made already, for [`Start::Log`] and [`Start::LogAtOnce`]: [`Fitting::log_fits`] of the same model and
-    /// reference, from the same starts on the same cells. `None`: the fit makes its own. The result is the same.
+    /// Fits under D9.Cl that are made already, for a fit that [begins at one](Fitting::needs_log_fits): [`Fitting::log_fits`] of the same
+    /// model and reference, from the same starts on the same cells. `None`: the fit makes its own. The result is the same.
     pub log_fits: Option<&'a LogFits>,
     /// Once it is raised the fit ends early, with the best so far and [`StopReason::Interrupted`].
     pub interrupt: Interrupt,
@@ -121,10 +125,18 @@ pub struct Fitted {
 /// Where the searches begin.
 pub(super) struct Starts {
     pub candidates: Vec<Candidate>,
-    /// Of other shapes than the first: where a search by gradients under a learned metric begins again.
-    pub rivals: Vec<Candidate>,
+    /// Where a search by gradients under a learned metric begins again: at a log fit where there are many parameters, and at other shapes
+    /// than the first.
+    pub rivals: Rivals,
     /// The loss of the log fits that they are the results of.
     pub log: Option<LpLoss>,
+}
+
+/// Where a search begins again.
+#[derive(Default)]
+pub(super) struct Rivals {
+    pub log: Option<Candidate>,
+    pub shapes: Vec<Candidate>,
 }
 
 impl<'a> Fitting<'a> {
@@ -246,6 +258,27 @@ impl<'a> Fitting<'a> {
         }
     }
 
+    /// Whether the fit begins at fits under D9.Cl, among others: then `log_fits` spares it making them.
+    ///
+    /// # Errors
+    /// [`FitError::UnknownModel`].
+    pub fn needs_log_fits(&self) -> Result<bool, FitError> {
+        Ok(match self.start_or_default() {
+            Start::Log | Start::LogAtOnce => true,
+            Start::Staged => self.has_log_rival(&Space::of(self.model)?),
+            Start::Parameters(_) => false,
+        })
+    }
+
+    fn has_log_rival(&self, space: &Space) -> bool {
+        self.has_rivals() && space.bounds().len() >= MANY_PARAMETERS
+    }
+
+    /// Whether the search begins again: L-BFGS under a learned metric does.
+    pub(super) fn has_rivals(&self) -> bool {
+        self.method == Method::Lbfgs && self.metric.properties().family == FAMILY
+    }
+
     fn start_or_default(&self) -> Start {
         let rough = self.metric.properties().rough;
         self.start.clone().unwrap_or(if rough { Start::Log } else { Start::Staged })
@@ -281,22 +314,20 @@ impl<'a> Fitting<'a> {
             observer("starts", Progress { done, total: 0 });
             self.go_on()
         };
-        let (mut log, mut rivals) = (None, Vec::new());
+        let (mut log, mut rivals) = (None, Rivals::default());
         let mut starts = match self.start_or_default() {
             Start::Staged => {
                 let staged = ranked(space, &self.lattice(reference)?, search, &count)?;
-                rivals = staged.other_shapes(space, RIVALS, SAME_START);
+                rivals.shapes = staged.other_shapes(space, RIVALS, SAME_START);
+                if self.has_log_rival(space) {
+                    let loss = self.log_loss(reference)?;
+                    rivals.log = self.log_candidates(space, reference, &loss, evaluations, &count)?.into_iter().next();
+                }
                 staged.best(self.starts)
             }
             Start::Log | Start::LogAtOnce => {
                 let loss = self.log_loss(reference)?;
-                let found = match &self.log_fits {
-                    Some(found) => {
-                        evaluations.fetch_add(found.evaluations, Ordering::Relaxed);
-                        found.candidates.clone()
-                    }
-                    None => self.make_log_fits(space, reference, &loss, &count)?.candidates,
-                };
+                let found = self.log_candidates(space, reference, &loss, evaluations, &count)?;
                 log = Some(loss);
                 found
             }

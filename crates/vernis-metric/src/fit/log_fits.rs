@@ -42,9 +42,9 @@ impl LogFits {
 }
 
 impl Fitting<'_> {
-    /// The fits under D9.Cl from which a fit of this model to `reference` begins under [`Start::Log`](super::Start::Log) and
-    /// [`Start::LogAtOnce`](super::Start::LogAtOnce). The metric has no part in it: give them as `log_fits` to fits of
-    /// the same model to the same reference under several metrics, and they are made once.
+    /// The fits under D9.Cl from which a fit of this model to `reference` begins where [`Fitting::needs_log_fits`] says so. The metric has
+    /// no part in it: give them as `log_fits` to fits of the same model to the same reference under several metrics, and they are
+    /// made once.
     ///
     /// # Errors
     /// [`FitError::UnknownModel`], those of the reference.
@@ -84,6 +84,24 @@ impl Fitting<'_> {
         }
         let (model, evaluations) = (self.model.to_owned(), evaluations.into_inner());
         Ok(LogFits { model, coarsening: self.coarsening, starts: self.starts, candidates, evaluations })
+    }
+
+    /// The results of the log fits, made here where they are not given; either way their evaluations count.
+    pub(super) fn log_candidates(
+        &self,
+        space: &Space,
+        reference: &dyn Brdf,
+        loss: &LpLoss,
+        evaluations: &AtomicUsize,
+        observer: &(dyn Fn() -> ControlFlow<()> + Sync),
+    ) -> Result<Vec<Candidate>, FitError> {
+        match &self.log_fits {
+            Some(found) => {
+                evaluations.fetch_add(found.evaluations, Ordering::Relaxed);
+                Ok(found.candidates.clone())
+            }
+            None => Ok(self.make_log_fits(space, reference, loss, observer)?.candidates),
+        }
     }
 
     pub(super) fn log_loss(&self, reference: &dyn Brdf) -> Result<LpLoss, FitError> {

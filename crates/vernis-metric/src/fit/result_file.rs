@@ -40,7 +40,7 @@ const PROGRAM: &str = concat!("vernis ", env!("CARGO_PKG_VERSION"));
 /// Far more than any fit needs.
 const MOST_BYTES: u64 = 4 << 20;
 /// Of starts, searches and polish: it changes when the same settings give other parameters.
-pub const FIT_VERSION: &str = "4";
+pub const FIT_VERSION: &str = "5";
 /// Of files that do not say theirs.
 const FIRST_FIT_VERSION: &str = "1";
 

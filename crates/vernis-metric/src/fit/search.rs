@@ -3,16 +3,14 @@
 //! A learned metric that starts from a fit under the logarithm is let in by degrees ([`Blend`]), or, for comparison, at once
 //! ([`Start::LogAtOnce`]). Searches run in parallel and the best result counts; of equal ones, that of the first start.
 
-use super::fitting::{Fitting, Start, Starts};
+use super::fitting::{Fitting, Rivals, Start, Starts};
 use super::loss::{Blend, Loss};
 use super::objective::LossObjective;
 use super::optimizer::{Improvement, Limits, Method, Observer as Watch, Outcome, Patience, StopReason, minimise};
 use super::start::Candidate;
 use super::{FitError, Space};
 use crate::io::{Observer, Progress};
-use crate::metric::learned::FAMILY;
 use rayon::prelude::*;
-use std::iter;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// t of the blends before the learned metric itself.
@@ -51,6 +49,15 @@ pub(super) struct Searched {
     pub from: usize,
     /// Evaluations of all searches.
     pub spent: usize,
+}
+
+/// Where a search begins again, and for how long.
+#[derive(Default)]
+struct Again {
+    /// In the coordinates of [`Space`].
+    starts: Vec<Vec<f64>>,
+    /// A new search begins while all together have spent fewer than these.
+    evaluations: usize,
 }
 
 /// What `further`, a search after `found`, adds to it. The reason to stop is that of the lower one, unless somebody wished it to end. A
@@ -92,9 +99,15 @@ impl Fitting<'_> {
             (Some(log), true) => self.blended(space, start, log, loss, &watch),
             _ => {
                 // They are rivals of the first.
-                let rivals = if k == 0 { &starts.rivals[..] } else { &[] };
-                let starts: Vec<Vec<f64>> = iter::once(start).chain(rivals).map(scaled).collect();
-                self.descend(&objective, &starts, self.limits(STEP), &watch)
+                let none = Rivals::default();
+                let rivals = if k == 0 { &starts.rivals } else { &none };
+                let limits = self.limits(STEP);
+                let shares = 1 + usize::from(rivals.log.is_some());
+                let again = Again {
+                    starts: rivals.log.iter().chain(&rivals.shapes).map(scaled).collect(),
+                    evaluations: shares * limits.max_evaluations / RIVAL_SHARE,
+                };
+                self.descend(&objective, &scaled(start), &again, limits, &watch)
             }
         };
         let outcomes: Vec<Result<Outcome, FitError>> = starts.candidates.par_iter().enumerate().map(from).collect();
@@ -118,7 +131,7 @@ impl Fitting<'_> {
         Ok(Searched { outcome, from, spent: done.into_inner() })
     }
 
-    /// A search by the method of the fit from the first of `starts`.
+    /// A search by the method of the fit.
     ///
     /// A learned loss has edges, moduli of differences and hollows of its kernel, and several minima. At an edge the steps of L-BFGS become
     /// short long before the minimum, which lies along the edge: no step is too short there, and the search ends when a whole round of
@@ -127,19 +140,20 @@ impl Fitting<'_> {
     fn descend(
         &self,
         objective: &LossObjective<'_>,
-        starts: &[Vec<f64>],
+        start: &[f64],
+        again: &Again,
         limits: Limits,
         watch: Watch<'_>,
     ) -> Result<Outcome, FitError> {
-        if self.method != Method::Lbfgs || self.metric.properties().family != FAMILY {
-            return minimise(self.method, objective, &starts[0], limits, watch);
+        if !self.has_rivals() {
+            return minimise(self.method, objective, start, limits, watch);
         }
-        let evaluations = ROUND * (starts[0].len() + 1);
+        let evaluations = ROUND * (start.len() + 1);
         let patience = Patience { evaluations, share: ROUND_SHARE, beat: f64::INFINITY };
         let limits = Limits { tolerance: EDGE_TOLERANCE, patience: Some(patience), ..limits };
-        let mut found = minimise(Method::Lbfgs, objective, &starts[0], limits, watch)?;
-        for rival in &starts[1..] {
-            let left = (limits.max_evaluations / RIVAL_SHARE).saturating_sub(found.evaluations);
+        let mut found = minimise(Method::Lbfgs, objective, start, limits, watch)?;
+        for rival in &again.starts {
+            let left = again.evaluations.saturating_sub(found.evaluations);
             if left == 0 || found.stop == StopReason::Interrupted {
                 break;
             }
@@ -195,7 +209,7 @@ impl Fitting<'_> {
         let objective = LossObjective::new(space, learned, self.method);
         let limits =
             Limits { max_evaluations: total - spent, tolerance: LEARNED_TOLERANCE, gain: LEARNED_GAIN, ..limits };
-        let mut outcome = self.descend(&objective, &[x], limits, watch)?;
+        let mut outcome = self.descend(&objective, &x, &Again::default(), limits, watch)?;
         if of_learned < outcome.value {
             (outcome.x, outcome.value) = (origin, of_learned);
             outcome.history = vec![Improvement { evaluations: 1, value: of_learned }];

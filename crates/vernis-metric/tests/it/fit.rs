@@ -193,6 +193,22 @@ fn fits_under_the_logarithm_can_be_shared() {
     );
 }
 
+/// With many parameters the staged start is not enough: the search begins at a log fit too, which can be shared.
+#[test]
+fn fits_of_many_parameters_begin_at_a_log_fit_as_well() {
+    let reference = table("ward-duer", &WARD);
+    let (learned, rough) = (metric("vernis-loss"), metric("vernis"));
+    let needs = |model, metric| Fitting::new(model, metric).needs_log_fits().expect("a model");
+    assert!(needs("principled", &*learned) && needs("ggx", &*rough));
+    assert!(!needs("ggx", &*learned) && !needs("principled", &*metric("D9.Cl")));
+    let fitting = Fitting { max_evaluations: Some(30), coarsening: 15, ..Fitting::new("principled", &*learned) };
+    let log_fits = fitting.log_fits(&reference).expect("fits");
+    let alone = fit(&fitting, &reference);
+    let shared = fit(&Fitting { log_fits: Some(&log_fits), ..fitting }, &reference);
+    assert_eq!(alone.model.parameters(), shared.model.parameters());
+    assert_eq!((alone.loss, alone.evaluations), (shared.loss, shared.evaluations));
+}
+
 /// The distance of another metric, refused with a given error for candidates whose highlight is brighter than the reference's.
 struct Refusing {
     inner: std::sync::Arc<dyn Metric>,

@@ -155,8 +155,12 @@ fn wrong_options_are_named_with_what_is_allowed() {
         assert!(message.contains(expected), "{name}: {message}");
         assert!(!message.contains('\n'));
     }
-    let error = metric("ot[p=1]").distance(&ggx(0.3), &ggx(0.4)).unwrap_err().to_string();
-    assert!(error.contains("13500") && error.contains("364500"), "{error}");
+}
+
+#[test]
+fn squares_that_need_every_cell_are_refused_on_fine_grids() {
+    let error = metric("ot[alpha=1,blur=0.01]").distance(&ggx(0.3), &ggx(0.4)).unwrap_err().to_string();
+    assert!(error.contains("at most 8000 cells") && error.contains("364500"), "{error}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod naive_lp;
 mod principled;
 mod transport;
 mod transport_golden;
+mod transport_golden_p1;
 mod transport_pairs;
 
 use std::path::PathBuf;

@@ -1,8 +1,7 @@
 //! The transportation distance as a metric.
 
 use super::{
-    Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, VERSION, divergence,
-    divergence_and_gradient,
+    Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence, divergence_and_gradient,
 };
 use crate::brdf::Brdf;
 use crate::metric::graph::{self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedTable, Tone};
@@ -23,8 +22,8 @@ pub struct TransportMetric {
 const FAMILY: &str = "ot";
 /// The study's best on average: p 2, alpha 0.1, blur (epsilon) 0.05, scaling (s) 0.8, phi t^(1/4), gamma 0.25.
 const BEST: (f64, f64, f64) = (0.1, 0.05, 0.8);
-const OPTIONS: [&str; 11] =
-    ["p", "alpha", "blur", "scaling", "gamma", "phi", "eta", "grid", "accuracy", "kappa", "nodes"];
+const OPTIONS: [&str; 12] =
+    ["p", "alpha", "blur", "scaling", "gamma", "phi", "eta", "grid", "accuracy", "kappa", "nodes", "clusters"];
 
 impl TransportMetric {
     /// The metric `ot` of the registry.
@@ -37,7 +36,7 @@ impl TransportMetric {
 
     /// The member of the family that `name` describes, such as `ot[p=2,alpha=0.1,blur=0.05,scaling=0.8,gamma=0.25,phi=t^1/4]`;
     /// what is not given is as in [`TransportMetric::preset`]. Accuracy is `coarse`, `fast`, `standard` or
-    /// `high`, or `kappa` (value nodes to a blur) and `nodes` (base nodes an axis) ([`Accuracy`]).
+    /// `high`, or `kappa` (value nodes to a blur), `nodes` (base nodes an axis) and `clusters` (of cells) ([`Accuracy`]).
     ///
     /// # Errors
     /// [`MetricError::Unknown`] for another family, [`MetricError::Parameter`] for an unknown option or a value out of range.
@@ -162,6 +161,9 @@ fn accuracy(name: &str, options: &mut Options<'_>, alpha: f64, blur: f64) -> Res
     if let Some(nodes) = options.number("nodes", integer(2.0..=720.0), "an integer from 2 to 720")? {
         accuracy.base_nodes = nodes as usize;
     }
+    if let Some(clusters) = options.number("clusters", integer(1.0..=50_000.0), "an integer from 1 to 50000")? {
+        accuracy.clusters = clusters as usize;
+    }
     Ok(accuracy)
 }
 
@@ -193,7 +195,7 @@ impl Metric for TransportMetric {
     }
 
     fn version(&self) -> &str {
-        VERSION
+        self.parameters.cost().version()
     }
 
     graph::metric_methods!();

@@ -21,14 +21,14 @@
 //!
 //! The cost p = 2 is separable, and alpha is about two blurs: a few base nodes and a fine value axis carry the masses
 //! (`quantised/measure.rs`), fewer of them while epsilon is large (`quantised/levels.rs`), and sums over all pairs become small products
-//! (`quantised/gaussian.rs`). Where that does not hold (p = 1, alpha
-//! beyond 20 blurs, more than 4,913 base nodes), all pairs of cells are summed (`direct/mod.rs`), on grids of at most 13,500
-//! cells; finer grids are refused. So are all pairs of small grids, whatever the parameters.
+//! (`quantised/gaussian.rs`). Where that does not hold (p = 1, alpha beyond 20 blurs, more than 4,913 base nodes), cells whose values are
+//! nearly equal become a few thousand clusters, and all pairs of these are summed (`clusters/mod.rs`). On small grids every cell is a
+//! cluster, whatever the parameters, and the sums are exact.
 //!
 //! Cells that are invalid on either side are left out on both.
 
 mod annealing;
-mod direct;
+mod clusters;
 mod elementary;
 mod metric;
 mod parameters;
@@ -39,16 +39,18 @@ pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 
 use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
-use direct::Points;
+use clusters::Graphs;
 use elementary::{max, min};
 use quantised::{Lattice, Levels};
 use std::borrow::Cow;
 use thiserror::Error;
 
-/// Of the numbers: it changes when a distance changes by more than rounding, and the golden values in the tests with it.
+/// Of the numbers for p = 2: it changes when a distance changes by more than rounding, and the golden values in the tests with it.
 /// 2 to 4: annealing on coarser nodes while epsilon is large, sums over nodes with mass alone, slow annealings faster. The
 /// changelog says by how much each moved values.
 pub const VERSION: &str = "4";
+/// Of the numbers for p = 1. 5: clusters of cells on grids of more than 4,000 cells.
+pub const DISTANCE_VERSION: &str = "5";
 
 /// Family of these metrics.
 pub const FAMILY: &str = "transport";
@@ -61,10 +63,10 @@ pub enum TransportError {
     #[error("{name} is {found}; it must be {allowed}")]
     Parameter { name: &'static str, found: f64, allowed: &'static str },
     #[error(
-        "p = {p}, alpha = {alpha}, blur = {blur} needs sums over all pairs of cells, and the grid has {cells} \
-         cells; it must have at most {allowed} cells (15 x 15 x 60)"
+        "alpha is {alpha} and blur {blur}, so that squared distances need every cell by itself, and the grid has {cells} cells; it must \
+         have at most {allowed} cells at this accuracy, or alpha must be at most 50 blurs"
     )]
-    TooManyCells { p: f64, alpha: f64, blur: f64, cells: usize, allowed: usize },
+    TooManyCells { alpha: f64, blur: f64, cells: usize, allowed: usize },
     #[error(
         "the annealing takes {found} steps; it must take at most {allowed}: choose a smaller scaling or a larger blur"
     )]
@@ -104,7 +106,8 @@ pub struct PreparedChannel {
 #[derive(Debug, Clone)]
 enum Form {
     Quantised(Levels),
-    Direct(Points),
+    /// Clusters depend on both sides.
+    Clusters,
 }
 
 impl PreparedChannel {
@@ -168,7 +171,7 @@ impl Form {
             Method::Quantised { spacing, nodes } => {
                 Self::Quantised(Levels::new(Lattice::new(grid, nodes, spacing), values, valid)?)
             }
-            Method::Direct => Self::Direct(Points::new(grid, values, valid)),
+            Method::Clustered { .. } | Method::Direct => Self::Clusters,
         })
     }
 }
@@ -276,7 +279,7 @@ pub fn divergence(
 /// Every update of the potentials is differentiated, for they have not converged when the annealing ends, and so are the
 /// epsilons, which follow the diameter of both graphs and with it the candidate's largest and smallest value. Cells that share the
 /// largest value share its derivative. Where the value itself jumps or has a kink, the derivative is that of one side: where the
-/// schedule gains a step, and where a cell passes a value node of a quantised graph.
+/// schedule gains a step, where a cell passes a value node of a quantised graph, and where cells cluster otherwise.
 ///
 /// # Errors
 /// Those of [`divergence`].
@@ -312,10 +315,26 @@ const STRETCH: f64 = 1e-4;
 const SAME: f64 = 1e-9;
 
 impl Comparison<'_> {
+    fn graphs(&self, parameters: &SinkhornParameters) -> Graphs<'_> {
+        let PreparedChannel { grid, values, valid, .. } = &*self.reference;
+        let b = &self.candidate.values;
+        Graphs { grid: *grid, a: values, b, valid: valid.as_deref(), alpha: parameters.alpha() }
+    }
+
+    /// How many clusters there are at most.
+    fn clusters(&self) -> usize {
+        match self.reference.method {
+            Method::Clustered { clusters } => clusters,
+            _ => self.reference.grid.len(),
+        }
+    }
+
     fn divergence(&self, parameters: &SinkhornParameters, annealing: &Annealing) -> Result<f64, TransportError> {
         match (&self.reference.form, &self.candidate.form) {
             (Form::Quantised(a), Form::Quantised(b)) => Ok(quantised::divergence(parameters.alpha(), annealing, a, b)),
-            (Form::Direct(a), Form::Direct(b)) => Ok(direct::divergence(parameters, annealing, a, b)),
+            (Form::Clusters, Form::Clusters) => {
+                Ok(clusters::divergence(parameters, annealing, &self.graphs(parameters), self.clusters()))
+            }
             _ => Err(TransportError::Mismatch),
         }
     }
@@ -332,11 +351,9 @@ impl Comparison<'_> {
             (Form::Quantised(a), Form::Quantised(b)) => {
                 Ok(quantised::divergence_and_gradient(parameters.alpha(), annealing, a, b, values, valid))
             }
-            (Form::Direct(a), Form::Direct(b)) => {
-                let (value, of_points) = direct::divergence_and_gradient(parameters, annealing, a, b);
-                let mut of_points = of_points.into_iter();
-                let of_cell = |cell| if valid(cell) { of_points.next().unwrap_or_default() } else { 0.0 };
-                Ok((value, (0..values.len()).map(of_cell).collect()))
+            (Form::Clusters, Form::Clusters) => {
+                let graphs = self.graphs(parameters);
+                Ok(clusters::divergence_and_gradient(parameters, annealing, &graphs, self.clusters()))
             }
             _ => Err(TransportError::Mismatch),
         }

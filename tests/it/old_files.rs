@@ -115,7 +115,7 @@ fn a_fit_is_a_brdf_and_is_kept() {
         let differences = kept.differences(&fitting, &reference.content.to_string());
         assert!(differences.iter().all(vernis::fit::Difference::is_version), "{differences:?}");
         assert!(
-            differences.iter().any(|d| d.to_string() == "the version of fits is 1 there and 4 here"),
+            differences.iter().any(|d| d.to_string() == "the version of fits is 1 there and 5 here"),
             "{differences:?}"
         );
         let fitted = BrdfSource::parse(&file(name).to_string_lossy()).unwrap().open(None).unwrap();

@@ -132,11 +132,11 @@ pub(super) struct Starts {
     pub log: Option<LpLoss>,
 }
 
-/// Where a search begins again.
+/// Where a search begins again, until so many [shares](super::search::RIVAL_SHARE) of its evaluations are spent.
 #[derive(Default)]
 pub(super) struct Rivals {
-    pub log: Option<Candidate>,
-    pub shapes: Vec<Candidate>,
+    pub starts: Vec<Candidate>,
+    pub shares: usize,
 }
 
 impl<'a> Fitting<'a> {
@@ -318,10 +318,12 @@ impl<'a> Fitting<'a> {
         let mut starts = match self.start_or_default() {
             Start::Staged => {
                 let staged = ranked(space, &self.lattice(reference)?, search, &count)?;
-                rivals.shapes = staged.other_shapes(space, RIVALS, SAME_START);
+                rivals = Rivals { starts: staged.other_shapes(space, RIVALS, SAME_START), shares: 1 };
                 if self.has_log_rival(space) {
                     let loss = self.log_loss(reference)?;
-                    rivals.log = self.log_candidates(space, reference, &loss, evaluations, &count)?.into_iter().next();
+                    let found = self.log_candidates(space, reference, &loss, evaluations, &count)?;
+                    rivals.starts.splice(0..0, found.into_iter().take(1));
+                    rivals.shares += 1;
                 }
                 staged.best(self.starts)
             }

@@ -37,7 +37,7 @@ const ROUND_SHARE: f64 = 0.015;
 /// takes as long as two or three values, and a fit should take no longer than one without gradients. All five numbers were chosen on
 /// the table of `vernis experiment optimizers`.
 pub(super) const RIVALS: usize = 2;
-const RIVAL_SHARE: usize = 3;
+pub(super) const RIVAL_SHARE: usize = 3;
 const POLISH_TOLERANCE: f64 = 1e-4;
 /// Evaluations of a polish: those under the whole metric are dear.
 const POLISH_EVALUATIONS: usize = 8;
@@ -49,15 +49,6 @@ pub(super) struct Searched {
     pub from: usize,
     /// Evaluations of all searches.
     pub spent: usize,
-}
-
-/// Where a search begins again, and for how long.
-#[derive(Default)]
-struct Again {
-    /// In the coordinates of [`Space`].
-    starts: Vec<Vec<f64>>,
-    /// A new search begins while all together have spent fewer than these.
-    evaluations: usize,
 }
 
 /// What `further`, a search after `found`, adds to it. The reason to stop is that of the lower one, unless somebody wished it to end. A
@@ -94,20 +85,13 @@ impl Fitting<'_> {
             observer("search", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
             self.go_on()
         };
-        let scaled = |start: &Candidate| space.scaled(&start.parameters);
         let from = |(k, start): (usize, &Candidate)| match (&starts.log, self.metric.properties().rough) {
             (Some(log), true) => self.blended(space, start, log, loss, &watch),
             _ => {
                 // They are rivals of the first.
                 let none = Rivals::default();
                 let rivals = if k == 0 { &starts.rivals } else { &none };
-                let limits = self.limits(STEP);
-                let shares = 1 + usize::from(rivals.log.is_some());
-                let again = Again {
-                    starts: rivals.log.iter().chain(&rivals.shapes).map(scaled).collect(),
-                    evaluations: shares * limits.max_evaluations / RIVAL_SHARE,
-                };
-                self.descend(&objective, &scaled(start), &again, limits, &watch)
+                self.descend(space, &objective, &space.scaled(&start.parameters), rivals, self.limits(STEP), &watch)
             }
         };
         let outcomes: Vec<Result<Outcome, FitError>> = starts.candidates.par_iter().enumerate().map(from).collect();
@@ -139,9 +123,10 @@ impl Fitting<'_> {
     /// falls too slowly to become the best is given up.
     fn descend(
         &self,
+        space: &Space,
         objective: &LossObjective<'_>,
         start: &[f64],
-        again: &Again,
+        rivals: &Rivals,
         limits: Limits,
         watch: Watch<'_>,
     ) -> Result<Outcome, FitError> {
@@ -151,15 +136,16 @@ impl Fitting<'_> {
         let evaluations = ROUND * (start.len() + 1);
         let patience = Patience { evaluations, share: ROUND_SHARE, beat: f64::INFINITY };
         let limits = Limits { tolerance: EDGE_TOLERANCE, patience: Some(patience), ..limits };
+        let most = limits.max_evaluations;
         let mut found = minimise(Method::Lbfgs, objective, start, limits, watch)?;
-        for rival in &again.starts {
-            let left = again.evaluations.saturating_sub(found.evaluations);
+        for rival in &rivals.starts {
+            let left = (rivals.shares * most / RIVAL_SHARE).saturating_sub(found.evaluations);
             if left == 0 || found.stop == StopReason::Interrupted {
                 break;
             }
             let patience = Some(Patience { beat: found.value, ..patience });
-            let further =
-                minimise(Method::Lbfgs, objective, rival, Limits { max_evaluations: left, patience, ..limits }, watch);
+            let limits = Limits { max_evaluations: left, patience, ..limits };
+            let further = minimise(Method::Lbfgs, objective, &space.scaled(&rival.parameters), limits, watch);
             match further {
                 // A start may lie where the metric has no value.
                 Err(FitError::Start { .. }) => continue,
@@ -209,7 +195,7 @@ impl Fitting<'_> {
         let objective = LossObjective::new(space, learned, self.method);
         let limits =
             Limits { max_evaluations: total - spent, tolerance: LEARNED_TOLERANCE, gain: LEARNED_GAIN, ..limits };
-        let mut outcome = self.descend(&objective, &x, &Again::default(), limits, watch)?;
+        let mut outcome = self.descend(space, &objective, &x, &Rivals::default(), limits, watch)?;
         if of_learned < outcome.value {
             (outcome.x, outcome.value) = (origin, of_learned);
             outcome.history = vec![Improvement { evaluations: 1, value: of_learned }];

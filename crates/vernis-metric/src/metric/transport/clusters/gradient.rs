@@ -13,7 +13,7 @@
 use super::super::annealing::{Annealing, Step};
 use super::super::elementary::{LANES, Lanes, exp, fma};
 use super::super::{GroundCost, SinkhornParameters};
-use super::kernel::{Diagonal, Kernel, Levels, Meeting, squares};
+use super::kernel::{Diagonal, Kernel, Meeting, levels, squares};
 use super::measure::{Clusters, SPREAD, Side, lanes};
 use super::{Graphs, Potentials};
 use multiversion::multiversion;
@@ -34,8 +34,7 @@ pub(in crate::metric::transport) fn divergence_and_gradient(
         let next = states[k].updated(&kernel(epsilon), keep, &clusters);
         states.push(next);
     }
-    let is_same = clusters.differences.iter().all(|d| *d == 0.0);
-    let value = if is_same { 0.0 } else { states[updates.len()].value(&clusters) };
+    let value = states[updates.len()].value(&clusters);
     let mut reverse = Reverse::new(&clusters);
     for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate().rev() {
         reverse.step(&kernel(epsilon), keep, &states[k], &states[k + 1]);
@@ -146,8 +145,8 @@ impl Flows {
         let [of_rows, of_columns] = potentials;
         let entries = |values: &[f64]| lanes(values.iter().copied(), 0.0);
         let pass = Pass {
-            old: [of_rows.old, of_columns.old].map(|f| Levels::new(columns, f, kernel.epsilon).levels),
-            new: [of_rows.new, of_columns.new].map(|f| Levels::new(columns, f, kernel.epsilon).levels),
+            old: [of_rows.old, of_columns.old].map(|f| levels(f, kernel.epsilon)),
+            new: [of_rows.new, of_columns.new].map(|f| levels(f, kernel.epsilon)),
             slopes: [of_rows.slope, of_columns.slope].map(entries),
             weights: entries(&clusters.weights),
         };
@@ -159,11 +158,11 @@ impl Flows {
         let mut of_differences = Vec::new();
         for i in 0..clusters.len() {
             let own = Diagonal::new(kernel, clusters, meeting, i);
-            let level = |f: &Updated<'_>, g: &Updated<'_>| (f.new[i] + g.old[i]) / kernel.epsilon;
+            let exponent_of = |f: &Updated<'_>, g: &Updated<'_>| (f.new[i] + g.old[i]) / kernel.epsilon;
             let w = clusters.weights[i];
-            let levels = [level(of_rows, of_columns), level(of_columns, of_rows)];
+            let own_levels = [exponent_of(of_rows, of_columns), exponent_of(of_columns, of_rows)];
             let slopes = [of_rows.slope[i], of_columns.slope[i]];
-            let flow = |k: usize, exponent: f64| slopes[k] * w * (levels[k] + exponent).exp();
+            let flow = |k: usize, exponent: f64| slopes[k] * w * (own_levels[k] + exponent).exp();
             let others = [0, 1].map(|k| match own.share < 1.0 {
                 true => (1.0 - own.share) * flow(k, -own.others.0 / kernel.epsilon),
                 false => 0.0,

@@ -98,17 +98,9 @@ impl Kernel {
     }
 }
 
-/// One side of a sum: its clusters and what stands in the exponent for each.
-pub(super) struct Levels<'a> {
-    pub side: &'a Side,
-    /// Potential/epsilon; minus infinity where entries are only filled up.
-    pub levels: Vec<Lanes>,
-}
-
-impl<'a> Levels<'a> {
-    pub fn new(side: &'a Side, potential: &[f64], epsilon: f64) -> Self {
-        Self { side, levels: lanes(potential.iter().map(|f| f / epsilon), f64::NEG_INFINITY) }
-    }
+/// Potential/epsilon, as entries; minus infinity where they are only filled up.
+pub(super) fn levels(potential: &[f64], epsilon: f64) -> Vec<Lanes> {
+    lanes(potential.iter().map(|f| f / epsilon), f64::NEG_INFINITY)
 }
 
 /// S_i = sum_j w_j K_ij exp((f_i + g_j)/epsilon), over the rows, and sum_i w_i K_ij exp((f_i + g_j)/epsilon), over the columns.
@@ -134,12 +126,16 @@ impl Sums {
 impl Kernel {
     /// The sums of the potentials f of the rows and g of the columns; of one graph with itself f is g, and only the rows are summed.
     pub fn sums(&self, clusters: &Clusters, meeting: Meeting, f: &[f64], g: &[f64]) -> Sums {
-        let (rows, columns) = meeting.sides(clusters);
-        let [rows, columns] = [Levels::new(rows, f, self.epsilon), Levels::new(columns, g, self.epsilon)];
-        let weights = lanes(clusters.weights.iter().copied(), 0.0);
+        let pairs = Pairs {
+            kernel: *self,
+            sides: meeting.sides(clusters),
+            levels: [levels(f, self.epsilon), levels(g, self.epsilon)],
+            weights: lanes(clusters.weights.iter().copied(), 0.0),
+            once: meeting != Meeting::Both,
+        };
         let mut sums = vec![0.0; clusters.len()];
-        let mut of_columns = vec![[0.0; LANES]; weights.len()];
-        let largest = pairwise(self, &rows, &columns, &weights, meeting != Meeting::Both, &mut sums, &mut of_columns);
+        let mut of_columns = vec![[0.0; LANES]; pairs.weights.len()];
+        let largest = pairwise(&pairs, &mut sums, &mut of_columns);
         let of_columns = of_columns.as_flattened_mut();
         for (i, sum) in sums.iter_mut().enumerate() {
             let diagonal = Diagonal::new(self, clusters, meeting, i);
@@ -164,15 +160,15 @@ impl Kernel {
             (rows, columns) = (columns, rows);
         }
         let logarithms = g.iter().zip(&clusters.weights).map(|(g, w)| g / self.epsilon + w.ln());
-        let levels = lanes(logarithms, f64::NEG_INFINITY);
+        let sources = lanes(logarithms, f64::NEG_INFINITY);
         let one = |i: usize| {
             let own = Diagonal::new(self, clusters, meeting, i);
-            let level = levels.as_flattened()[i];
+            let level = sources.as_flattened()[i];
             let mut own = [own.share.ln() + own.same_cell, (1.0 - own.share).ln() - own.others.0 / self.epsilon];
             own.iter_mut().for_each(|own| *own += level);
-            let mut exponents: Vec<f64> = (0..levels.len())
+            let mut exponents: Vec<f64> = (0..sources.len())
                 .flat_map(|at| self.costs(rows.point(i), columns, at).map(|cost| -cost / self.epsilon))
-                .zip(levels.as_flattened())
+                .zip(sources.as_flattened())
                 .map(|(exponent, level)| exponent + level)
                 .collect();
             exponents[i] = f64::NEG_INFINITY;
@@ -207,46 +203,46 @@ pub(super) fn squares<const FUSED: bool>(point: [f64; 4], spread: f64, side: &Si
     squares
 }
 
-/// Adds to `sums` and `of_columns` what all pairs but i = j give, of one graph with itself each pair once, and returns the largest exponent.
-#[multiversion(targets("x86_64+avx2+fma"))]
-fn pairwise(
-    kernel: &Kernel,
-    rows: &Levels<'_>,
-    columns: &Levels<'_>,
-    weights: &[Lanes],
+/// All pairs of clusters but those with themselves.
+struct Pairs<'a> {
+    kernel: Kernel,
+    /// Rows and columns.
+    sides: (&'a Side, &'a Side),
+    /// Of rows and of columns.
+    levels: [Vec<Lanes>; 2],
+    weights: Vec<Lanes>,
+    /// Each pair once: rows and columns are one graph.
     once: bool,
-    sums: &mut [f64],
-    of_columns: &mut [Lanes],
-) -> f64 {
+}
+
+/// Adds to the sums of rows and columns what the pairs give, and returns the largest exponent. Of pairs that are taken once, either sum
+/// may get it.
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn pairwise(pairs: &Pairs<'_>, of_rows: &mut [f64], of_columns: &mut [Lanes]) -> f64 {
     const FUSED: bool = target_cfg_f!(target_feature = "fma");
-    match kernel.cost {
-        GroundCost::Distance => pairwise_of::<FUSED, true>(kernel, rows, columns, weights, once, sums, of_columns),
-        GroundCost::SquaredDistance => {
-            pairwise_of::<FUSED, false>(kernel, rows, columns, weights, once, sums, of_columns)
-        }
+    match pairs.kernel.cost {
+        GroundCost::Distance => pairwise_of::<FUSED, true>(pairs, of_rows, of_columns),
+        GroundCost::SquaredDistance => pairwise_of::<FUSED, false>(pairs, of_rows, of_columns),
     }
 }
 
 #[inline(always)]
 fn pairwise_of<const FUSED: bool, const ROOT: bool>(
-    kernel: &Kernel,
-    rows: &Levels<'_>,
-    columns: &Levels<'_>,
-    weights: &[Lanes],
-    once: bool,
-    sums: &mut [f64],
+    pairs: &Pairs<'_>,
+    of_rows: &mut [f64],
     of_columns: &mut [Lanes],
 ) -> f64 {
+    let Pairs { kernel, sides: (rows, columns), levels: [row_levels, column_levels], weights, once } = pairs;
     let slope = if ROOT { -1.0 / kernel.epsilon } else { -0.5 / kernel.epsilon };
     let mut largest = [f64::NEG_INFINITY; LANES];
-    for (i, sum) in sums.iter_mut().enumerate() {
+    for (i, of_row) in of_rows.iter_mut().enumerate() {
         let (own, lane_of_own) = (i / LANES, i % LANES);
-        let (point, spread) = rows.side.point(i);
-        let level = rows.levels[own][lane_of_own];
+        let (point, spread) = rows.point(i);
+        let level = row_levels[own][lane_of_own];
         let weight = weights[own][lane_of_own];
         let mut all = [0.0; LANES];
-        for at in if once { own } else { 0 }..weights.len() {
-            let (squares, levels) = (squares::<FUSED>(point, spread, columns.side, at), &columns.levels[at]);
+        for at in if *once { own } else { 0 }..weights.len() {
+            let (squares, levels) = (squares::<FUSED>(point, spread, columns, at), &column_levels[at]);
             let mut exponents = [0.0; LANES];
             for lane in 0..LANES {
                 let way = if ROOT { squares[lane].sqrt() } else { squares[lane] };
@@ -256,7 +252,7 @@ fn pairwise_of<const FUSED: bool, const ROOT: bool>(
             if at == own {
                 // Each row of this entry finds the others of the entry, so that none is left for the columns.
                 exponents[lane_of_own] = f64::NEG_INFINITY;
-                weight = if once { [0.0; LANES] } else { weight };
+                weight = if *once { [0.0; LANES] } else { weight };
             }
             let (of_column, weights) = (&mut of_columns[at], &weights[at]);
             for (lane, exponent) in exponents.into_iter().enumerate() {
@@ -266,7 +262,7 @@ fn pairwise_of<const FUSED: bool, const ROOT: bool>(
                 of_column[lane] = fma::<FUSED>(weight[lane], mass, of_column[lane]);
             }
         }
-        *sum += all.iter().sum::<f64>();
+        *of_row += all.iter().sum::<f64>();
     }
     largest.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }

@@ -1,7 +1,7 @@
 //! Two graphs as clusters: one for each box of cells, with the same base on both sides.
 
 use super::super::elementary::{LANES, Lanes};
-use super::partition::{CellBox, Graphs};
+use super::partition::Graphs;
 
 /// Within a cluster cells vary; of their squared distances from the mean, what counts as distance between cells of different
 /// clusters, for the base and for the values: about what lies across the way between them. Chosen on the pairs of the golden values,
@@ -20,7 +20,7 @@ pub(super) struct Clusters {
     cells: Vec<u32>,
     starts: Vec<usize>,
     /// b - a of these cells.
-    pub differences: Vec<f64>,
+    differences: Vec<f64>,
 }
 
 /// The clusters of one graph, [`LANES`] to an entry; entries that only fill up are 0.
@@ -45,49 +45,53 @@ pub(super) fn lanes(values: impl IntoIterator<Item = f64>, filling: f64) -> Vec<
     all.as_chunks().0.to_vec()
 }
 
-/// Mean and mean square about it.
-fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let count = values.clone().count() as f64;
-    let mean = values.clone().sum::<f64>() / count;
-    (mean, values.map(|x| (x - mean).powi(2)).sum::<f64>() / count)
+/// Mean and mean square about it of one value for each of some cells.
+fn moments(cells: &[u32], value: impl Fn(usize) -> f64) -> (f64, f64) {
+    let values = || cells.iter().map(|&cell| value(cell as usize));
+    let mean = values().sum::<f64>() / cells.len() as f64;
+    (mean, values().map(|x| (x - mean).powi(2)).sum::<f64>() / cells.len() as f64)
 }
 
 impl Clusters {
     pub fn new(graphs: &Graphs<'_>, count: usize) -> Self {
-        let boxes = graphs.boxes(count);
+        let [_, n_o, n_phi] = graphs.grid.shape();
+        let places: [fn(usize, usize, usize) -> usize; 3] = [
+            |cell, n_o, n_phi| cell / (n_o * n_phi),
+            |cell, n_o, n_phi| cell / n_phi % n_o,
+            |cell, _, n_phi| cell % n_phi,
+        ];
         let (mut cells, mut starts) = (Vec::new(), vec![0]);
         let mut columns: [Vec<f64>; 7] = Default::default();
-        let mut cluster = |found: &CellBox| {
+        for found in graphs.boxes(count) {
             let first = cells.len();
-            let mut places: [Vec<f64>; 3] = Default::default();
-            for (i, o, row) in found.rows(graphs.grid) {
-                for (k, cell) in (found.ranges[2].start..).zip(row).filter(|(_, cell)| graphs.is_valid(*cell)) {
-                    cells.push(cell as u32);
-                    for (axis, index) in [i, o, k].into_iter().enumerate() {
-                        places[axis].push(graphs.alpha * graphs.grid.position(axis, index));
-                    }
-                }
-            }
+            let of_box = found.rows(graphs.grid).flat_map(|(_, _, row)| row).filter(|&cell| graphs.is_valid(cell));
+            cells.extend(of_box.map(|cell| cell as u32));
+            let own = &cells[first..];
             let mut base_spread = 0.0;
-            for (axis, places) in places.iter().enumerate() {
-                let (mean, variance) = moments(places.iter().copied());
+            for (axis, place) in places.iter().enumerate() {
+                let (mean, variance) =
+                    moments(own, |cell| graphs.alpha * graphs.grid.position(axis, place(cell, n_o, n_phi)));
                 columns[axis].push(mean);
                 base_spread += SPREAD[0] * variance;
             }
             for (side, values) in [graphs.a, graphs.b].into_iter().enumerate() {
-                let (mean, variance) = moments(cells[first..].iter().map(|&cell| values[cell as usize]));
+                let (mean, variance) = moments(own, |cell| values[cell]);
                 columns[3 + 2 * side].push(mean);
                 columns[4 + 2 * side].push(base_spread + SPREAD[1] * variance);
             }
             starts.push(cells.len());
-        };
-        boxes.iter().for_each(&mut cluster);
+        }
         let [x, y, z, a, a_spread, b, b_spread] = columns.map(|column| lanes(column, 0.0));
         let counts: Vec<f64> = starts.windows(2).map(|ends| (ends[1] - ends[0]) as f64).collect();
         let weights = counts.iter().map(|count| count / cells.len() as f64).collect();
         let differences = cells.iter().map(|&cell| graphs.b[cell as usize] - graphs.a[cell as usize]).collect();
         let a = Side { coordinates: [x.clone(), y.clone(), z.clone(), a], spread: a_spread };
         Self { weights, counts, a, b: Side { coordinates: [x, y, z, b], spread: b_spread }, cells, starts, differences }
+    }
+
+    /// Whether a and b are one graph.
+    pub fn are_equal(&self) -> bool {
+        self.differences.iter().all(|d| *d == 0.0)
     }
 
     /// Number of clusters.

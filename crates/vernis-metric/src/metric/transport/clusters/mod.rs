@@ -50,6 +50,10 @@ impl Potentials {
 
     /// <a, f_ba - f_aa> + <b, g_ab - g_bb>.
     fn value(&self, clusters: &Clusters) -> f64 {
+        // The sums of a and b run in another order than those of a and a.
+        if clusters.are_equal() {
+            return 0.0;
+        }
         let difference = |f: &[f64], g: &[f64]| -> f64 {
             clusters.weights.iter().zip(f.iter().zip(g)).map(|(w, (f, g))| w * (f - g)).sum()
         };
@@ -90,8 +94,7 @@ pub(super) fn divergence(
     count: usize,
 ) -> f64 {
     let clusters = Clusters::new(graphs, count);
-    if clusters.differences.iter().all(|d| *d == 0.0) {
-        // The sums of a and b run in another order than those of a and a.
+    if clusters.are_equal() {
         return 0.0;
     }
     let update = |old: Potentials, Step { epsilon, keep, .. }| {

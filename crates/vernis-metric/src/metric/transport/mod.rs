@@ -63,8 +63,8 @@ pub enum TransportError {
     #[error("{name} is {found}; it must be {allowed}")]
     Parameter { name: &'static str, found: f64, allowed: &'static str },
     #[error(
-        "alpha is {alpha} and blur {blur}, so that squared distances need every cell by itself, and the grid has {cells} cells; it must \
-         have at most {allowed} cells at this accuracy, or alpha must be at most 50 blurs"
+        "alpha is {alpha} and blur {blur}: squared distances are then summed over all pairs of cells, and the grid has {cells} cells; it must \
+         have at most {allowed} cells, or alpha must be at most 50 blurs"
     )]
     TooManyCells { alpha: f64, blur: f64, cells: usize, allowed: usize },
     #[error(

@@ -29,6 +29,7 @@ Examples:
   vernis sweep --data ~/brdf-data --family energy
   vernis sweep --data ~/brdf-data --family transport --p 2 --alpha 0.1 --blur 0.05,0.1 --scaling 0.8
   vernis sweep --data ~/brdf-data --p 2 --accuracy coarse
+  vernis sweep --data ~/brdf-data --p 1 --scaling 0.8 --accuracy coarse --pairs 124
   vernis sweep --study synthetic --grid 15x15x60 --family transport --p 2 --alpha 0.1 --phi t^1/4,log:eta=0.01")]
 pub struct SweepArgs {
     /// A study by name (lavoue2021-open, lavoue2021, synthetic) or a CSV file.
@@ -36,6 +37,9 @@ pub struct SweepArgs {
     study: String,
     #[command(flatten)]
     scale: ScaleArgs,
+    /// Only so many pairs, evenly spaced when ordered by material and rating [default: all].
+    #[arg(long, value_name = "N")]
+    pairs: Option<usize>,
     /// Folder for results [default: out/sweep-STUDY].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -143,7 +147,15 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     if !(args.memory >= 0.0 && args.memory <= 1e6) {
         return Err(user_error(format!("--memory is {}; it must be 0 to 1000000 GiB", args.memory)));
     }
-    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
+    let whole = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
+    let rated = whole.pairs.len();
+    let study = match args.pairs {
+        None => whole,
+        Some(pairs) if (1..=rated).contains(&pairs) => whole.thinned(pairs),
+        Some(pairs) => {
+            return Err(user_error(format!("--pairs is {pairs}; it must be 1 to {rated}, all of the study's")));
+        }
+    };
     study.validate(args.judging.folds).map_err(user_error)?;
     let short = study.short_name();
     let default = || PathBuf::from(format!("out/sweep-{short}"));
@@ -157,6 +169,7 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         accuracy: args.accuracy.clone(),
         memory: (args.memory * (1u64 << 30) as f64) as usize,
         compute: !args.report,
+        rated,
         protocol: SweepProtocol {
             folds: args.judging.folds,
             resamples: args.judging.resamples,
@@ -201,7 +214,9 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
 /// The command that makes the same report again.
 fn command(args: &SweepArgs, study: &str) -> String {
     let scale = args.scale.option();
-    let mut command = format!("vernis sweep --study {study}{scale} --grid {} --accuracy {}", args.grid, args.accuracy);
+    let pairs = args.pairs.map_or(String::new(), |pairs| format!(" --pairs {pairs}"));
+    let mut command =
+        format!("vernis sweep --study {study}{scale}{pairs} --grid {} --accuracy {}", args.grid, args.accuracy);
     if let Some(family) = args.family.and_then(|family| family.to_possible_value()) {
         command += &format!(" --family {}", family.get_name());
     }

@@ -146,6 +146,26 @@ impl Study {
         groups
     }
 
+    /// The study with `pairs` of its pairs at most: evenly spaced among all when these are ordered by material and, within it, by rating.
+    /// Every material and every part of the scale keep their share, as nearly as can be. The order of the pairs stays.
+    #[must_use]
+    pub fn thinned(mut self, pairs: usize) -> Self {
+        let all = self.pairs.len();
+        if pairs >= all {
+            return self;
+        }
+        let mut order: Vec<usize> = (0..all).collect();
+        // The sort is stable: equal ratings stay in the order of the study.
+        order.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|place| &self.pairs[place]);
+            a.material.cmp(&b.material).then(a.mos.total_cmp(&b.mos))
+        });
+        let chosen: BTreeSet<usize> = (0..pairs).map(|k| order[(2 * k + 1) * all / (2 * pairs)]).collect();
+        let mut place = 0..;
+        self.pairs.retain(|_| place.next().is_some_and(|place| chosen.contains(&place)));
+        self
+    }
+
     /// Its name for files: that of its file, without the ending, where it is one.
     pub fn short_name(&self) -> String {
         Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
@@ -206,6 +226,31 @@ impl Study {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::synthetic;
+
+    #[test]
+    fn a_thinned_study_keeps_the_shares_of_materials_and_ratings() {
+        let whole = Study::load(synthetic::NAME, None).unwrap();
+        let count = |study: &Study| {
+            let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+            study.pairs.iter().for_each(|p| *counts.entry(p.material.clone()).or_default() += 1);
+            counts
+        };
+        let mean = |study: &Study| study.pairs.iter().map(|p| p.mos).sum::<f64>() / study.pairs.len() as f64;
+        let all = whole.pairs.len();
+        let fourth = whole.clone().thinned(all / 4);
+        assert_eq!(fourth.pairs.len(), all / 4);
+        for (material, found) in count(&whole) {
+            let kept = count(&fourth).get(&material).copied().unwrap_or(0);
+            assert!(kept.abs_diff(found / 4) <= 1, "{material}: {kept} of {found}");
+        }
+        assert!((mean(&fourth) - mean(&whole)).abs() < 0.1);
+        let names = |study: &Study| -> Vec<String> { study.pairs.iter().map(|p| p.candidate.identity()).collect() };
+        let places =
+            names(&fourth).into_iter().map(|name| names(&whole).iter().position(|other| *other == name).unwrap());
+        assert!(places.is_sorted());
+        assert_eq!(names(&whole.clone().thinned(all)), names(&whole));
+    }
 
     fn study(rows: &[(&str, &str, f64)]) -> Study {
         let source = |s: &str| BrdfSource::Notation(s.into());

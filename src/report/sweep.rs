@@ -23,10 +23,15 @@ fn table(title: String, rows: &[SweepRow]) -> Table {
     }
 }
 
+/// How many pairs were compared, and of how many.
+fn pairs(SweepRecord { rows, rated, .. }: &SweepRecord) -> String {
+    if rows < rated { format!("a subset of {rows} of {rated} pairs") } else { counted(*rows, "pair") }
+}
+
 /// The nested choice: what the sweep found that a reader may expect of other materials.
 pub fn nested(record: &SweepRecord) -> Table {
-    let SweepRecord { study, rows, folds, .. } = record;
-    let (rows, folds) = (counted(*rows, "pair"), counted(*folds, "fold"));
+    let SweepRecord { study, folds, .. } = record;
+    let (rows, folds) = (pairs(record), counted(*folds, "fold"));
     table(format!("{study}, {rows}, out of fold ({folds} by material), 95 % intervals"), &record.nested)
 }
 
@@ -35,9 +40,12 @@ pub fn best(record: &SweepRecord, shown: usize) -> Table {
     let all = record.in_sample.len();
     let shown = shown.min(all);
     let title = format!(
-        "{}, grid {}, {} accuracy, the {shown} best of {all} in sample: chosen and mapped on the same rows on which they are judged, as in the \
+        "{}, {}, grid {}, {} accuracy, the {shown} best of {all} in sample: chosen and mapped on the same rows on which they are judged, as in the \
          paper",
-        record.study, record.grid, record.accuracy
+        record.study,
+        pairs(record),
+        record.grid,
+        record.accuracy
     );
     table(title, &record.in_sample[..shown])
 }
@@ -57,6 +65,13 @@ pub fn markdown(record: &SweepRecord, command: &str, [found, asked]: [usize; 2])
     );
     if found < asked {
         text += "**Not all are computed yet**: a missing combination may be better than those below.\n\n";
+    }
+    if record.rows < record.rated {
+        let SweepRecord { rows, rated, .. } = record;
+        text += &format!(
+            "**A subset**: {rows} of the study's {rated} rated pairs, evenly spaced when ordered by material and rating. Intervals are \
+             wider than those of the whole study.\n\n"
+        );
     }
     text += &nested(record).to_markdown();
     if record.nested.iter().any(|row| row.plcc_raw.is_none()) {

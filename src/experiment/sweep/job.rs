@@ -30,6 +30,8 @@ pub struct SweepOptions {
     pub accuracy: String,
     /// Bytes for tables; tables beyond it are made again for every combination.
     pub memory: usize,
+    /// Rated pairs of the study, where it was thinned ([`Study::thinned`]): the report says so.
+    pub rated: usize,
     /// Without it, only what is kept already is judged.
     pub compute: bool,
     /// How the combinations are judged.
@@ -65,6 +67,7 @@ pub fn sweep(study: &Study, options: &SweepOptions, progress: Observer<'_>) -> R
     }
     let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
     let record = judge(&study.short_name(), &setting, &rows, &outcomes, options.protocol)?;
+    let record = SweepRecord { rated: options.rated, ..record };
     Ok(Swept { record, done: outcomes.len(), warnings })
 }
 

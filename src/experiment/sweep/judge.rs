@@ -49,8 +49,10 @@ pub struct SweepRecord {
     pub grid: String,
     /// Of the transport distances.
     pub accuracy: String,
-    /// Rated pairs.
+    /// Pairs that were compared.
     pub rows: usize,
+    /// Rated pairs of the study: more where these are a part of them.
+    pub rated: usize,
     /// Folds by material group.
     pub folds: usize,
     /// Bootstrap resamples of materials.
@@ -140,6 +142,7 @@ pub fn judge(
         grid: setting.grid.clone(),
         accuracy: setting.accuracy.clone(),
         rows: rows.len(),
+        rated: rows.len(),
         folds,
         resamples,
         seed,

@@ -37,6 +37,30 @@ pub(super) fn min(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
+/// The least and the largest of the valid values (of all where `valid` is `None`), which are no NaN; infinity and minus infinity where
+/// there is none.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+pub(super) fn range_of(values: &[f64], valid: Option<&[bool]>) -> (f64, f64) {
+    let (mut least, mut most) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    let mut take = |entry: &Lanes| {
+        for lane in 0..LANES {
+            least[lane] = min(entry[lane], least[lane]);
+            most[lane] = max(entry[lane], most[lane]);
+        }
+    };
+    match valid {
+        None => {
+            let (entries, rest) = values.as_chunks();
+            entries.iter().for_each(&mut take);
+            rest.iter().for_each(|&value| take(&[value; LANES]));
+        }
+        Some(valid) => {
+            values.iter().zip(valid).filter(|&(_, &valid)| valid).for_each(|(&value, _)| take(&[value; LANES]));
+        }
+    }
+    (least.into_iter().fold(f64::INFINITY, min), most.into_iter().fold(f64::NEG_INFINITY, max))
+}
+
 /// exp(x) for x <= 700; x below -700, infinite too, gives exp(-700).
 #[inline(always)]
 pub(super) fn exp<const FUSED: bool>(x: f64) -> f64 {

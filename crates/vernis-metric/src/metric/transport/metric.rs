@@ -95,7 +95,7 @@ impl TransportMetric {
     pub fn prepare_channels(&self, table: &CosineTable, side: Side) -> Result<[PreparedChannel; 3], MetricError> {
         let channel = |c: usize| {
             let values: Vec<f64> = table.channel(c).iter().map(|t| self.tone.value(*t)).collect();
-            PreparedChannel::new(&self.parameters, table.grid(), &values, Some(table.valid()))
+            PreparedChannel::of(&self.parameters, table.grid(), values, Some(table.valid()))
                 .map_err(|cause| self.failed(Some(side), &cause))
         };
         in_parallel(channel)

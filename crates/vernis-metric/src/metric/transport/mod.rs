@@ -40,7 +40,7 @@ pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use clusters::Graphs;
-use elementary::{max, min};
+use elementary::{max, min, range_of};
 use quantised::{Lattice, Levels};
 use std::borrow::Cow;
 use thiserror::Error;
@@ -124,12 +124,24 @@ impl PreparedChannel {
         values: &[f64],
         valid: Option<&[bool]>,
     ) -> Result<Self, TransportError> {
+        Self::of(parameters, grid, values.to_vec(), valid)
+    }
+
+    /// [`PreparedChannel::new`] of values that need no copy.
+    fn of(
+        parameters: &SinkhornParameters,
+        grid: GraphGrid,
+        values: Vec<f64>,
+        valid: Option<&[bool]>,
+    ) -> Result<Self, TransportError> {
         let expected = grid.len();
         for (what, found) in [("values", values.len()), ("mask", valid.map_or(expected, <[bool]>::len))] {
             if found != expected {
                 return Err(TransportError::Length { what, found, expected });
             }
         }
+        // Passes over the cells need not look at a mask that leaves none out.
+        let valid = valid.filter(|valid| valid.contains(&false));
         let is_valid = |cell: usize| valid.is_none_or(|valid| valid[cell]);
         if !(0..expected).any(is_valid) {
             return Err(TransportError::NoValidCell);
@@ -138,10 +150,9 @@ impl PreparedChannel {
             return Err(TransportError::NotFinite { cell, found: values[cell] });
         }
         let method = parameters.method(grid)?;
-        let form = Form::new(method, grid, values, is_valid)?;
-        let extents = Extents::new(grid, values, is_valid);
-        let valid = valid.filter(|valid| valid.contains(&false)).map(<[bool]>::to_vec);
-        Ok(Self { grid, values: values.to_vec(), valid, method, form, extents })
+        let form = Form::new(method, grid, &values, valid)?;
+        let extents = Extents::new(grid, &values, valid);
+        Ok(Self { grid, values, valid: valid.map(<[bool]>::to_vec), method, form, extents })
     }
 
     fn is_valid(&self, cell: usize) -> bool {
@@ -154,19 +165,14 @@ impl PreparedChannel {
         if !valid.contains(&true) {
             return Err(TransportError::NoCommonCell);
         }
-        let form = Form::new(self.method, self.grid, &self.values, |cell| valid[cell])?;
-        let extents = Extents::new(self.grid, &self.values, |cell| valid[cell]);
+        let form = Form::new(self.method, self.grid, &self.values, Some(&valid))?;
+        let extents = Extents::new(self.grid, &self.values, Some(&valid));
         Ok(Self { form, extents, valid: Some(valid), values: self.values.clone(), ..*self })
     }
 }
 
 impl Form {
-    fn new(
-        method: Method,
-        grid: GraphGrid,
-        values: &[f64],
-        valid: impl Fn(usize) -> bool,
-    ) -> Result<Self, TransportError> {
+    fn new(method: Method, grid: GraphGrid, values: &[f64], valid: Option<&[bool]>) -> Result<Self, TransportError> {
         Ok(match method {
             Method::Quantised { spacing, nodes } => {
                 Self::Quantised(Levels::new(Lattice::new(grid, nodes, spacing), values, valid)?)
@@ -184,25 +190,26 @@ struct Extents {
 }
 
 impl Extents {
-    fn new(grid: GraphGrid, values: &[f64], valid: impl Fn(usize) -> bool) -> Self {
-        let [_, n_o, n_phi] = grid.shape();
+    fn new(grid: GraphGrid, values: &[f64], valid: Option<&[bool]>) -> Self {
+        let [n_i, n_o, n_phi] = grid.shape();
         let union = |a: (f64, f64), b: (f64, f64)| (min(a.0, b.0), max(a.1, b.1));
-        let mut extents = Self { base: [NOTHING; 3], values: NOTHING };
-        for (row, values) in values.chunks_exact(n_phi).enumerate() {
-            let first = row * n_phi;
-            let is_valid = |k: &usize| valid(first + k);
-            let mut range = (0..n_phi).filter(is_valid);
+        let ends_of = |axis: usize, ends: (usize, usize)| (grid.position(axis, ends.0), grid.position(axis, ends.1));
+        let values = range_of(values, valid);
+        let Some(valid) = valid else {
+            let base = [n_i, n_o, n_phi].map(|n| (0, n - 1));
+            return Self { base: [0, 1, 2].map(|axis| ends_of(axis, base[axis])), values };
+        };
+        let mut base = [NOTHING; 3];
+        for (row, valid) in valid.chunks_exact(n_phi).enumerate() {
+            let mut range = (0..n_phi).filter(|&k| valid[k]);
             let Some(lowest) = range.next() else { continue };
             let highest = range.next_back().unwrap_or(lowest);
             let ends = [(row / n_o, row / n_o), (row % n_o, row % n_o), (lowest, highest)];
-            for (axis, (base, ends)) in extents.base.iter_mut().zip(ends).enumerate() {
-                *base = union(*base, (grid.position(axis, ends.0), grid.position(axis, ends.1)));
-            }
-            for &value in (0..n_phi).filter(is_valid).map(|k| &values[k]) {
-                extents.values = union(extents.values, (value, value));
+            for (axis, (base, ends)) in base.iter_mut().zip(ends).enumerate() {
+                *base = union(*base, ends_of(axis, ends));
             }
         }
-        extents
+        Self { base, values }
     }
 
     /// The lengths of the joint diagonal's change with the largest and with the smallest value of `candidate`: 0 where the

@@ -176,12 +176,17 @@ impl Flows {
             of_values[i] += 2.0 * of_square * (columns.point(i).0[3] - rows.point(i).0[3]);
             of_spreads[i] += of_square * n / (n - 1.0).max(1.0);
             if meeting == Meeting::Both {
-                let of_cell = |d: &f64| {
-                    let (cost, slope) = kernel.cost.of_square(d * d);
-                    let exponent = -cost / kernel.epsilon;
-                    own.share / n * (flow(0, exponent) + flow(1, exponent)) * 2.0 * slope * d
-                };
-                of_differences.push(clusters.differences_of(i).iter().map(of_cell).collect());
+                // Both flows are multiples of one exponential.
+                let level = own_levels[0].max(own_levels[1]);
+                let flows: f64 = (0..2).map(|k| slopes[k] * w * (own_levels[k] - level).exp()).sum();
+                let differences = clusters.differences_of(i);
+                let mut of_cells = vec![0.0; differences.len()];
+                kernel.masses(level, differences, &mut of_cells);
+                for (of_cell, d) in of_cells.iter_mut().zip(differences) {
+                    let (_, slope) = kernel.cost.of_square(d * d);
+                    *of_cell *= own.share / n * flows * 2.0 * slope * d;
+                }
+                of_differences.push(of_cells);
             }
         }
         let [to_columns, of_values, of_spreads] = found;

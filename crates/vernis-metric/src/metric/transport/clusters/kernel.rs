@@ -10,7 +10,7 @@
 //! Clusters of single cells give the exact sums.
 
 use super::super::GroundCost;
-use super::super::elementary::{LANES, Lanes, exp, fma, max};
+use super::super::elementary::{LANES, Lanes, exp, fma, max, min};
 use super::measure::{Clusters, Side, lanes};
 use multiversion::multiversion;
 use multiversion::target::target_cfg_f;
@@ -91,10 +91,52 @@ impl Diagonal {
 impl Kernel {
     /// ln mean exp(-C(d)/epsilon).
     fn mean_logarithm(&self, differences: &[f64]) -> f64 {
-        let cost = |d: &f64| self.cost.of_square(d * d).0;
-        let least = differences.iter().map(cost).fold(f64::INFINITY, f64::min);
-        let sum: f64 = differences.iter().map(|d| ((least - cost(d)) / self.epsilon).exp()).sum();
-        -least / self.epsilon + (sum / differences.len() as f64).ln()
+        let least = self.cost.of_square(least_magnitude(differences).powi(2)).0 / self.epsilon;
+        let mut masses = [0.0; 32 * LANES];
+        let mut sums = [0.0; LANES];
+        for differences in differences.chunks(masses.len()) {
+            let masses = &mut masses[..differences.len()];
+            self.masses(least, differences, masses);
+            for masses in masses.chunks(LANES) {
+                sums.iter_mut().zip(masses).for_each(|(sum, mass)| *sum += mass);
+            }
+        }
+        -least + (sums.iter().sum::<f64>() / differences.len() as f64).ln()
+    }
+
+    /// exp(level - C(d)/epsilon) of every difference, and nowhere less than exp(-700).
+    pub fn masses(&self, level: f64, differences: &[f64], masses: &mut [f64]) {
+        masses_of(self, level, differences, masses);
+    }
+}
+
+#[multiversion(targets("x86_64+avx2"))]
+fn least_magnitude(numbers: &[f64]) -> f64 {
+    let (entries, rest) = numbers.as_chunks::<LANES>();
+    let mut least = [f64::INFINITY; LANES];
+    for entry in entries {
+        for lane in 0..LANES {
+            least[lane] = min(entry[lane].abs(), least[lane]);
+        }
+    }
+    rest.iter().map(|x| x.abs()).chain(least).fold(f64::INFINITY, min)
+}
+
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn masses_of(kernel: &Kernel, level: f64, differences: &[f64], masses: &mut [f64]) {
+    const FUSED: bool = target_cfg_f!(target_feature = "fma");
+    let slope = -1.0 / kernel.epsilon;
+    match kernel.cost {
+        GroundCost::Distance => {
+            for (mass, d) in masses.iter_mut().zip(differences) {
+                *mass = exp::<FUSED>(fma::<FUSED>(slope, d.abs(), level));
+            }
+        }
+        GroundCost::SquaredDistance => {
+            for (mass, d) in masses.iter_mut().zip(differences) {
+                *mass = exp::<FUSED>(fma::<FUSED>(slope, 0.5 * d * d, level));
+            }
+        }
     }
 }
 

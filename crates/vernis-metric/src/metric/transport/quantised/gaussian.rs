@@ -295,7 +295,7 @@ mod tests {
     fn measure(shift: f64) -> Measure {
         let grid = GraphGrid::new(9, 9, 36).unwrap();
         let cells: Vec<f64> = (0..grid.len()).map(|k| k as f64 * 1e-3 + shift * (k as f64 * 0.37).sin()).collect();
-        Measure::new(Lattice::new(grid, [4; 3], 0.05 / 8.0), &cells, |_| true).unwrap()
+        Measure::new(Lattice::new(grid, [4; 3], 0.05 / 8.0), &cells, None).unwrap()
     }
 
     fn waves(measure: &Measure) -> Vec<Lanes> {

@@ -163,7 +163,7 @@ mod tests {
         let levels = |shift: f64| {
             let cells: Vec<f64> =
                 (0..grid.len()).map(|k| (k as f64 / 300.0) + shift * (k as f64 * 0.37).sin()).collect();
-            Levels::new(Lattice::new(grid, [4; 3], 0.05 / 8.0), &cells, |_| true).unwrap()
+            Levels::new(Lattice::new(grid, [4; 3], 0.05 / 8.0), &cells, None).unwrap()
         };
         let (a, b) = (levels(0.1), levels(0.2));
         for scaling in [0.8, 0.95] {

@@ -51,13 +51,9 @@ struct Way {
 }
 
 impl Levels {
-    /// All levels of the measure of the cells for which `valid` holds; there must be one, and valid values must be finite.
-    pub fn new(lattice: Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Self, TransportError> {
-        // Passes over the cells need not look at a mask that leaves none out.
-        let mut fine = match (0..cells.len()).all(&valid) {
-            true => Measure::new(lattice, cells, |_| true)?,
-            false => Measure::new(lattice, cells, valid)?,
-        };
+    /// All levels of the measure of the valid cells (all where `valid` is `None`); there must be one, and valid values must be finite.
+    pub fn new(lattice: Lattice, cells: &[f64], valid: Option<&[bool]>) -> Result<Self, TransportError> {
+        let mut fine = Measure::new(lattice, cells, valid)?;
         let mut levels = Self { measures: Vec::new(), ways: Vec::new() };
         while fine.values.len() * LANES > FEWEST_VALUES && levels.measures.len() + 1 < MOST_LEVELS {
             let (way, coarse) = Way::down(&fine);

@@ -17,9 +17,10 @@
 //! of value nodes, a base node each.
 
 use super::super::TransportError;
-use super::super::elementary::{LANES, Lanes, max, min};
+use super::super::elementary::{LANES, Lanes, range_of};
 use super::lattice::Lattice;
 use super::splat::{Splat, index};
+use multiversion::multiversion;
 
 /// Value nodes beyond these multiples of h have no exact neighbours.
 const LARGEST_MULTIPLE: f64 = (1u64 << 50) as f64;
@@ -45,9 +46,9 @@ pub(super) struct Measure {
 }
 
 impl Measure {
-    /// The measure of the cells for which `valid` holds; there must be one, and valid values must be finite.
-    pub fn new(lattice: Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Self, TransportError> {
-        let values = touched(&lattice, cells, &valid)?;
+    /// The measure of the valid cells (all where `valid` is `None`); there must be one, and valid values must be finite.
+    pub fn new(lattice: Lattice, cells: &[f64], valid: Option<&[bool]>) -> Result<Self, TransportError> {
+        let values = touched(&lattice, cells, valid)?;
         let found = lattice.base_len() * values.len() * LANES;
         if found > MOST_NODES {
             return Err(TransportError::TooManyNodes { found, allowed: MOST_NODES });
@@ -171,23 +172,22 @@ impl Support {
 }
 
 /// The value nodes that a valid cell touches: the one below it, and the next.
-fn touched(lattice: &Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> Result<Vec<Lanes>, TransportError> {
-    let of_valid = || cells.iter().enumerate().filter(|&(index, _)| valid(index)).map(|(_, &value)| value);
-    let (least, most) =
-        of_valid().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (min(a, value), max(b, value)));
+fn touched(lattice: &Lattice, cells: &[f64], valid: Option<&[bool]>) -> Result<Vec<Lanes>, TransportError> {
+    let is_valid = |cell: usize| valid.is_none_or(|valid| valid[cell]);
+    let (least, most) = range_of(cells, valid);
     let (first, last) = (lattice.below(least).0, lattice.below(most).0);
     if let Some(found) = [least, most].into_iter().find(|&value| lattice.below(value).0.abs() > LARGEST_MULTIPLE) {
-        let cell = (0..cells.len()).find(|&index| valid(index) && cells[index] == found).unwrap_or(0);
+        let cell = (0..cells.len()).find(|&index| is_valid(index) && cells[index] == found).unwrap_or(0);
         return Err(TransportError::ValueTooLarge { cell, found, allowed: LARGEST_MULTIPLE * lattice.spacing });
     }
     let mut nodes = Vec::new();
     if last - first < MOST_MARKED {
-        let mut marked = vec![false; index(last - first) + 1];
-        of_valid().for_each(|value| marked[index(lattice.below(value).0 - first)] = true);
+        let marked = marked(lattice, cells, valid, first, index(last - first) + 1);
         nodes.extend(marked.into_iter().enumerate().filter(|&(_, marked)| marked).map(|(step, _)| first + step as f64));
     } else {
         // Neighbours in phi_d mostly share their node.
-        for (node, _) in of_valid().map(|value| lattice.below(value)) {
+        let of_valid = cells.iter().enumerate().filter(|&(index, _)| is_valid(index));
+        for (node, _) in of_valid.map(|(_, &value)| lattice.below(value)) {
             if nodes.last() != Some(&node) {
                 nodes.push(node);
             }
@@ -199,6 +199,25 @@ fn touched(lattice: &Lattice, cells: &[f64], valid: impl Fn(usize) -> bool) -> R
     Ok(Measure::axis(nodes))
 }
 
+/// Which of the `count` value nodes from `first` on have a valid cell between them and the next.
+#[multiversion(targets("x86_64+avx2"))]
+fn marked(lattice: &Lattice, cells: &[f64], valid: Option<&[bool]>, first: f64, count: usize) -> Vec<bool> {
+    const CHUNK: usize = 256;
+    let mut marked = vec![false; count];
+    let mut steps = [0.0; CHUNK];
+    for (chunk, cells) in cells.chunks(CHUNK).enumerate() {
+        for (step, &value) in steps.iter_mut().zip(cells) {
+            *step = lattice.below(value).0 - first;
+        }
+        let start = chunk * CHUNK;
+        let steps = steps[..cells.len()].iter().enumerate();
+        steps
+            .filter(|&(k, _)| valid.is_none_or(|valid| valid[start + k]))
+            .for_each(|(_, &step)| marked[index(step)] = true);
+    }
+    marked
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,7 +227,7 @@ mod tests {
         // Azimuths of one polar cell end at 720.
         let polar = if cells.len() > 2000 { 10 } else { 2 };
         let grid = GraphGrid::new(2, polar, cells.len() / (2 * polar)).unwrap();
-        Measure::new(Lattice::new(grid, [2, 2, 2], 0.1), cells, |_| true).unwrap()
+        Measure::new(Lattice::new(grid, [2, 2, 2], 0.1), cells, None).unwrap()
     }
 
     /// Sum of m (w - centre)^power over all nodes.
@@ -264,7 +283,7 @@ mod tests {
         cells[3] = 1e300;
         let grid = GraphGrid::new(2, 2, 4).unwrap();
         let lattice = Lattice::new(grid, [2; 3], 0.1);
-        let refused = Measure::new(lattice, &cells, |_| true).unwrap_err();
+        let refused = Measure::new(lattice, &cells, None).unwrap_err();
         assert!(matches!(refused, TransportError::ValueTooLarge { cell: 3, .. }), "{refused}");
     }
 }

@@ -1,11 +1,12 @@
 //! From cells to masses, and derivatives back again.
 //!
 //! Cost: 8 additions a cell along phi_d, then one pass over the touched nodes for every pair of polar angles. Back: 32
-//! multiplications a cell.
+//! multiplications a cell. Code for AVX2 does the same operations in the same order, so that the bytes are the same.
 
 use super::super::elementary::{LANES, Lanes};
 use super::lattice::Lattice;
 use super::measure::{MOST_MARKED, Measure};
+use multiversion::multiversion;
 use std::ops::Range;
 
 /// The masses before anti-diffusion.
@@ -32,6 +33,7 @@ impl Rows {
     }
 
     /// Adds `other`, whose rows belong to one cell of this array's slowest axis, to the nodes beside that cell.
+    #[inline(always)]
     fn contract(&mut self, (node, upper): (usize, f64), other: &Rows) {
         if other.touched.is_empty() {
             return;
@@ -51,6 +53,7 @@ impl Rows {
         }
     }
 
+    #[inline(always)]
     fn clear(&mut self) {
         if !self.touched.is_empty() {
             for array in [&mut self.mass, &mut self.excess] {
@@ -73,19 +76,38 @@ struct Azimuths {
 }
 
 impl Azimuths {
-    /// One cell, `upper` on the way from row to row and `t` from value node to value node.
+    /// Cells: the row of each and how far it is on the way to the next row, its column, and how far it is on the way to the next column.
+    ///
+    /// Neighbours mostly go to the same nodes, which stay in registers as long: a sum that is stored and read again takes three times as
+    /// long.
     #[inline(always)]
-    fn add(&mut self, (row, upper): (usize, f64), column: usize, t: f64) {
-        self.touched = self.touched.start.min(column)..self.touched.end.max(column + 1);
-        let both = t * (1.0 - t) * (1.0 / 6.0);
-        let shares = [1.0 - t, t, both * (2.0 - t), both * (1.0 + t)];
-        for (row, weight) in [(row, 1.0 - upper), (row + 1, upper)] {
-            let to = &mut self.shares[row * self.columns + column];
-            (0..4).for_each(|k| to[k] += weight * shares[k]);
+    fn add(&mut self, cells: impl Iterator<Item = ((usize, f64), usize, f64)>) {
+        let columns = self.columns;
+        let mut at = None;
+        let (mut lower, mut upper) = ([0.0; 4], [0.0; 4]);
+        for ((row, way), column, t) in cells {
+            let place = row * columns + column;
+            if at != Some(place) {
+                if let Some(at) = at {
+                    (self.shares[at], self.shares[at + columns]) = (lower, upper);
+                }
+                (lower, upper) = (self.shares[place], self.shares[place + columns]);
+                at = Some(place);
+                self.touched = self.touched.start.min(column)..self.touched.end.max(column + 1);
+            }
+            let both = t * (1.0 - t) * (1.0 / 6.0);
+            let shares = [1.0 - t, t, both * (2.0 - t), both * (1.0 + t)];
+            for (to, weight) in [(&mut lower, 1.0 - way), (&mut upper, way)] {
+                (0..4).for_each(|k| to[k] += weight * shares[k]);
+            }
+        }
+        if let Some(at) = at {
+            (self.shares[at], self.shares[at + columns]) = (lower, upper);
         }
     }
 
     /// Moves everything to `rows`, which are clear.
+    #[inline(always)]
     fn drain(&mut self, rows: &mut Rows) {
         if self.touched.is_empty() {
             return;
@@ -97,11 +119,12 @@ impl Azimuths {
             let at = row * columns + self.touched.start;
             let mass = &mut rows.mass.as_flattened_mut()[at..=at + shares.len()];
             let excess = &mut rows.excess.as_flattened_mut()[at..=at + shares.len()];
-            for (k, [lower, upper, of_lower, of_upper]) in shares.iter().enumerate() {
-                mass[k] += lower;
-                mass[k + 1] += upper;
-                excess[k] += of_lower;
-                excess[k + 1] += of_upper;
+            let mut below = [0.0; 2];
+            let to = mass.iter_mut().zip(excess);
+            for ((mass, excess), [lower, upper, of_lower, of_upper]) in to.zip(shares.iter().chain([&[0.0; 4]])) {
+                *mass = below[0] + lower;
+                *excess = below[1] + of_lower;
+                below = [*upper, *of_upper];
             }
             shares.fill([0.0; 4]);
         }
@@ -110,49 +133,58 @@ impl Azimuths {
 }
 
 impl Splat {
-    /// Contracts phi_d, then theta_o, then theta_i to their nodes.
-    pub fn new(lattice: &Lattice, values: &[Lanes], cells: &[f64], valid: impl Fn(usize) -> bool) -> Self {
-        let columns = values.len() * LANES;
-        let [_, cells_o, cells_phi] = lattice.grid.shape();
-        let [_, nodes_o, nodes_phi] = lattice.nodes;
-        let weight = 1.0 / (0..cells.len()).filter(|&index| valid(index)).count() as f64;
-        let mut all = Rows::new(lattice.base_len(), columns);
-        let mut of_theta_i = Rows::new(nodes_o * nodes_phi, columns);
-        let mut of_theta_o = Rows::new(nodes_phi, columns);
-        let mut azimuths = Azimuths { columns, shares: vec![[0.0; 4]; nodes_phi * columns], touched: columns..0 };
-        let [hats_i, hats_o, hats_phi] = [0, 1, 2].map(|axis| lattice.hats(axis));
-        let finder = ColumnFinder::new(values);
-        let mut places = Vec::with_capacity(cells_phi);
-        let mut index = 0;
-        for (cells, hat_i) in cells.chunks_exact(cells_o * cells_phi).zip(hats_i) {
-            for (cells, &hat_o) in cells.chunks_exact(cells_phi).zip(&hats_o) {
-                // One kind of work a loop: the first becomes vector code.
-                places.clear();
-                places.extend(cells.iter().map(|&value| lattice.below(value)));
-                for (&(node, t), &hat) in places.iter().zip(&hats_phi) {
-                    if valid(index) {
-                        azimuths.add(hat, finder.find(node), t);
-                    }
-                    index += 1;
-                }
-                azimuths.drain(&mut of_theta_o);
-                of_theta_i.contract(hat_o, &of_theta_o);
-                of_theta_o.clear();
-            }
-            all.contract(hat_i, &of_theta_i);
-            of_theta_i.clear();
-        }
-        let scaled = |mut array: Vec<Lanes>| {
-            array.as_flattened_mut().iter_mut().for_each(|x| *x *= weight);
-            array
-        };
-        Self { mass: scaled(all.mass), excess: scaled(all.excess) }
+    /// Contracts phi_d, then theta_o, then theta_i to their nodes. `valid`: the cells that count, all where it is `None`.
+    pub fn new(lattice: &Lattice, values: &[Lanes], cells: &[f64], valid: Option<&[bool]>) -> Self {
+        splat(lattice, values, cells, valid)
     }
+}
+
+#[multiversion(targets("x86_64+avx2"))]
+fn splat(lattice: &Lattice, values: &[Lanes], cells: &[f64], valid: Option<&[bool]>) -> Splat {
+    let columns = values.len() * LANES;
+    let [_, cells_o, cells_phi] = lattice.grid.shape();
+    let [_, nodes_o, nodes_phi] = lattice.nodes;
+    let count = valid.map_or(cells.len(), |valid| valid.iter().filter(|&&valid| valid).count());
+    let weight = 1.0 / count as f64;
+    let mut all = Rows::new(lattice.base_len(), columns);
+    let mut of_theta_i = Rows::new(nodes_o * nodes_phi, columns);
+    let mut of_theta_o = Rows::new(nodes_phi, columns);
+    let mut azimuths = Azimuths { columns, shares: vec![[0.0; 4]; nodes_phi * columns], touched: columns..0 };
+    let [hats_i, hats_o, hats_phi] = [0, 1, 2].map(|axis| lattice.hats(axis));
+    let finder = ColumnFinder::new(values);
+    // Of the cells of a row: the value nodes below them and the ways to the next.
+    let (mut nodes, mut ways) = (vec![0.0; cells_phi], vec![0.0; cells_phi]);
+    for (i, hat_i) in hats_i.into_iter().enumerate() {
+        for (o, &hat_o) in hats_o.iter().enumerate() {
+            let row = (i * cells_o + o) * cells_phi..(i * cells_o + o + 1) * cells_phi;
+            let valid = valid.map(|valid| &valid[row.clone()]);
+            // One kind of work a loop: the first becomes vector code.
+            for ((node, way), &value) in nodes.iter_mut().zip(&mut ways).zip(&cells[row]) {
+                (*node, *way) = lattice.below(value);
+            }
+            let all = nodes.iter().zip(&ways).zip(&hats_phi);
+            let place = |((&node, &t), &hat): ((&f64, &f64), &(usize, f64))| (hat, finder.find(node), t);
+            match valid {
+                None => azimuths.add(all.map(place)),
+                Some(valid) => azimuths.add(all.zip(valid).filter(|&(_, &valid)| valid).map(|(cell, _)| place(cell))),
+            }
+            azimuths.drain(&mut of_theta_o);
+            of_theta_i.contract(hat_o, &of_theta_o);
+            of_theta_o.clear();
+        }
+        all.contract(hat_i, &of_theta_i);
+        of_theta_i.clear();
+    }
+    for array in [&mut all.mass, &mut all.excess] {
+        array.as_flattened_mut().iter_mut().for_each(|x| *x *= weight);
+    }
+    Splat { mass: all.mass, excess: all.excess }
 }
 
 /// Finds the column of a value node that is one.
 struct ColumnFinder<'a> {
     values: &'a [f64],
+    first: f64,
     /// The column of every multiple of h from the first node on, where they are not too many.
     columns: Vec<u32>,
 }
@@ -167,7 +199,7 @@ impl<'a> ColumnFinder<'a> {
             // Backwards: of the copies of the last node, the first counts.
             values.iter().enumerate().rev().for_each(|(at, value)| columns[index(value - first)] = at as u32);
         }
-        Self { values, columns }
+        Self { values, first, columns }
     }
 
     #[inline(always)]
@@ -175,7 +207,7 @@ impl<'a> ColumnFinder<'a> {
         if self.columns.is_empty() {
             return self.values.partition_point(|&value| value < node);
         }
-        self.columns[index(node - self.values[0])] as usize
+        self.columns[index(node - self.first)] as usize
     }
 }
 

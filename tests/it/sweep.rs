@@ -220,6 +220,7 @@ fn a_sweep_of_another_study_is_not_mixed_in() {
         grid: "3x3x8".parse().unwrap(),
         accuracy: "coarse".to_owned(),
         memory: usize::MAX,
+        rated: study.pairs.len(),
         compute: true,
         protocol: SweepProtocol { folds: 4, resamples: 60, seed: 1 },
     };

@@ -147,16 +147,12 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     if !(args.memory >= 0.0 && args.memory <= 1e6) {
         return Err(user_error(format!("--memory is {}; it must be 0 to 1000000 GiB", args.memory)));
     }
-    let whole = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
-    let rated = whole.pairs.len();
-    let study = match args.pairs {
-        None => whole,
-        Some(pairs) if (1..=rated).contains(&pairs) => whole.thinned(pairs),
-        Some(pairs) => {
-            return Err(user_error(format!("--pairs is {pairs}; it must be 1 to {rated}, all of the study's")));
-        }
-    };
-    study.validate(args.judging.folds).map_err(user_error)?;
+    let study = Study::load_on(&args.study, shared.data.as_deref(), args.scale.declared).map_err(user_error)?;
+    let rated = study.pairs.len();
+    if let Some(pairs) = args.pairs.filter(|pairs| !(1..=rated).contains(pairs)) {
+        return Err(user_error(format!("--pairs is {pairs}; it must be 1 to {rated}, all of the study's")));
+    }
+    study.clone().thinned(args.pairs.unwrap_or(rated)).validate(args.judging.folds).map_err(user_error)?;
     let short = study.short_name();
     let default = || PathBuf::from(format!("out/sweep-{short}"));
     let (names, inputs) = (["sweep.csv", "sweep.md"], Inputs::default().file(&args.study));
@@ -169,7 +165,7 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
         accuracy: args.accuracy.clone(),
         memory: (args.memory * (1u64 << 30) as f64) as usize,
         compute: !args.report,
-        rated,
+        pairs: args.pairs,
         protocol: SweepProtocol {
             folds: args.judging.folds,
             resamples: args.judging.resamples,

@@ -196,6 +196,9 @@ fn a_sweep_that_is_killed_goes_on_with_the_next_pair() {
         said.contains("--p 2 --alpha 0.05 --blur 0.02 --scaling 0.8,0.9 --phi t^1/2,t^1/3,t^1/4 --folds 10"),
         "{said}"
     );
+    // As a run leaves it that is killed between its last result and the end of its journal.
+    let (finished, _) = before.first_key_value().unwrap();
+    fs::write(combinations.join(finished).with_extension("journal"), "done\n").unwrap();
     assert!(sweep(place.path(), "killed").status().unwrap().success());
     let after = files_of(&combinations, ".json");
     assert!(after.len() == 6 && before.iter().all(|(name, time)| after.get(name) == Some(time)), "{after:?}");
@@ -220,7 +223,7 @@ fn a_sweep_of_another_study_is_not_mixed_in() {
         grid: "3x3x8".parse().unwrap(),
         accuracy: "coarse".to_owned(),
         memory: usize::MAX,
-        rated: study.pairs.len(),
+        pairs: None,
         compute: true,
         protocol: SweepProtocol { folds: 4, resamples: 60, seed: 1 },
     };
@@ -230,6 +233,16 @@ fn a_sweep_of_another_study_is_not_mixed_in() {
     assert!(error.contains(".json is the result of another run: the SHA-256 of the study is "), "{error}");
     assert_eq!((files_of(&options.folder, ".json"), before.len()), (before.clone(), 1));
     assert!(sweep(&study, &options, &|_, _| ()).unwrap().warnings.is_empty());
+    // A part of the pairs is another study, and told apart in the report.
+    let all = study.pairs.len();
+    let of_part = SweepOptions { pairs: Some(all / 2), folder: place.path().join("part"), ..options.clone() };
+    let mixed = sweep(&study, &SweepOptions { folder: options.folder, ..of_part.clone() }, &|_, _| ()).unwrap_err();
+    assert!(mixed.to_string().contains("the SHA-256 of the study is "), "{mixed}");
+    let record = sweep(&study, &of_part, &|_, _| ()).unwrap().record;
+    assert_eq!((record.rows, record.rated), (all / 2, all));
+    let text = vernis::report::sweep::markdown(&record, "a command", [1, 1]);
+    let told = format!("a subset of {} of {all} pairs", all / 2);
+    assert_eq!((text.matches("**A subset**").count(), text.matches(&told).count()), (1, 2), "{text}");
 }
 
 #[test]
@@ -240,6 +253,8 @@ fn wrong_settings_of_a_sweep_are_named() {
         ("--alpha", ".2", "--alpha is 0.2; it must be one of 0.01, 0.05, 0.1, 1"),
         ("--phi", "log:eta=7", "--phi"),
         ("--grid", "6x6", "--grid"),
+        ("--pairs", "0", "--pairs is 0; it must be 1 to "),
+        ("--pairs", "3", "3 groups"),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_vernis"))
             .args(["sweep", "--study", "synthetic", "--out", "out", option, value])

@@ -30,8 +30,8 @@ pub struct SweepOptions {
     pub accuracy: String,
     /// Bytes for tables; tables beyond it are made again for every combination.
     pub memory: usize,
-    /// Rated pairs of the study, where it was thinned ([`Study::thinned`]): the report says so.
-    pub rated: usize,
+    /// Only so many pairs, which [`Study::thinned`] chooses; all where it is `None`. The report says so.
+    pub pairs: Option<usize>,
     /// Without it, only what is kept already is judged.
     pub compute: bool,
     /// How the combinations are judged.
@@ -56,6 +56,8 @@ pub struct Swept {
 /// written, a folder into which another process writes, ratings that cannot be judged;
 /// [`ExperimentError::NothingKept`] where nothing is kept and nothing shall be computed.
 pub fn sweep(study: &Study, options: &SweepOptions, progress: Observer<'_>) -> Result<Swept, ExperimentError> {
+    let rated = study.pairs.len();
+    let study = &study.clone().thinned(options.pairs.unwrap_or(rated));
     study.validate(options.protocol.folds)?;
     let setting = Setting::new(&options.grid.to_string(), &options.accuracy, study);
     let job = Job { study, options, setting: &setting, progress };
@@ -67,7 +69,7 @@ pub fn sweep(study: &Study, options: &SweepOptions, progress: Observer<'_>) -> R
     }
     let rows: Vec<_> = study.pairs.iter().map(|p| p.row()).collect();
     let record = judge(&study.short_name(), &setting, &rows, &outcomes, options.protocol)?;
-    let record = SweepRecord { rated: options.rated, ..record };
+    let record = SweepRecord { rated, ..record };
     Ok(Swept { record, done: outcomes.len(), warnings })
 }
 
@@ -137,6 +139,14 @@ impl Job<'_> {
         fs::create_dir_all(folder).map_err(|e| unwritable(folder, &e))?;
         // Two sweeps would write one journal.
         let _lock = FolderLock::acquire(folder)?;
+        // A run that was killed between its last result and the end of its journal left the journal.
+        for kept in self.options.combinations.iter().filter(|combination| !missing.contains(combination)) {
+            let journal = self.path(kept, "journal");
+            match fs::remove_file(&journal) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(unwritable(&journal, &e)),
+                _ => {}
+            }
+        }
         let told = |done, total| (self.progress)("tables", Progress { done, total });
         let tables = StudyTables::of(self.study, *grid, data.as_deref(), *memory, &told)?;
         let weight = |group: &[Combination]| group.iter().map(Combination::weight).sum::<usize>();

@@ -152,7 +152,9 @@ pub fn run(shared: &Shared, args: SweepArgs) -> Result<()> {
     if let Some(pairs) = args.pairs.filter(|pairs| !(1..=rated).contains(pairs)) {
         return Err(user_error(format!("--pairs is {pairs}; it must be 1 to {rated}, all of the study's")));
     }
-    study.clone().thinned(args.pairs.unwrap_or(rated)).validate(args.judging.folds).map_err(user_error)?;
+    let asked = args.pairs.map_or(String::new(), |pairs| format!("with --pairs {pairs}, "));
+    let swept = study.clone().thinned(args.pairs.unwrap_or(rated));
+    swept.validate(args.judging.folds).map_err(|error| user_error(format!("{asked}{error}")))?;
     let short = study.short_name();
     let default = || PathBuf::from(format!("out/sweep-{short}"));
     let (names, inputs) = (["sweep.csv", "sweep.md"], Inputs::default().file(&args.study));

@@ -254,7 +254,7 @@ fn wrong_settings_of_a_sweep_are_named() {
         ("--phi", "log:eta=7", "--phi"),
         ("--grid", "6x6", "--grid"),
         ("--pairs", "0", "--pairs is 0; it must be 1 to "),
-        ("--pairs", "3", "3 groups"),
+        ("--pairs", "3", "with --pairs 3, study synthetic has 3 groups"),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_vernis"))
             .args(["sweep", "--study", "synthetic", "--out", "out", option, value])

@@ -5,9 +5,12 @@ use super::{Shared, plausible, print, user_error, workspace};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Map, Value, json};
+use std::sync::Arc;
+use vernis_metric::brdf::BrdfSource;
 use vernis_metric::brdf::plausibility::Plausibility;
 use vernis_metric::io::decimals;
-use vernis_metric::metric::registry::{Distance, distances};
+use vernis_metric::metric::registry::{Distance, distances, distances_kept};
+use vernis_metric::metric::{Metric, learned};
 
 /// Compare two BRDFs.
 #[derive(Args)]
@@ -48,10 +51,10 @@ pub struct CompareArgs {
 
 pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
     let metrics = args.choice.metrics(shared)?;
-    let reference = workspace::open_unhashed(&args.reference, shared.data.as_deref())?;
-    let candidate = workspace::open_unhashed(&args.candidate, shared.data.as_deref())?;
-    workspace::warm_up(shared, &metrics)?;
-    let found = distances(&metrics, &*reference, &*candidate).map_err(user_error)?;
+    let (found, looks) = match metrics.iter().any(|metric| metric.properties().family == learned::FAMILY) {
+        true => kept(shared, &metrics, &args)?,
+        false => computed(shared, &metrics, &args)?,
+    };
     if args.per_channel && found.iter().all(|d| d.channels.is_none()) {
         let names = found.iter().map(|d| d.metric.as_str()).collect::<Vec<_>>().join(", ");
         return Err(user_error(format!(
@@ -59,7 +62,6 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
              and lab, ot, energy and mmd-* do"
         )));
     }
-    let looks = [&reference, &candidate].map(|brdf| Plausibility::of(&**brdf));
     let mut warnings = plausible::warnings(&args.reference, &looks[0]);
     if args.reference != args.candidate {
         warnings.extend(plausible::warnings(&args.candidate, &looks[1]));
@@ -78,6 +80,30 @@ pub fn run(shared: &Shared, args: CompareArgs) -> Result<()> {
         text += "SYNTHETIC: a metric above was trained on simulated observers; its scores say nothing about people.\n";
     }
     print(text)
+}
+
+/// What metrics say, and how plausible both BRDFs are.
+type Found = (Vec<Distance>, [Plausibility; 2]);
+
+/// Of BRDFs that are decoded: most metrics read every value.
+fn computed(shared: &Shared, metrics: &[Arc<dyn Metric>], args: &CompareArgs) -> Result<Found> {
+    let reference = workspace::open_unhashed(&args.reference, shared.data.as_deref())?;
+    let candidate = workspace::open_unhashed(&args.candidate, shared.data.as_deref())?;
+    workspace::warm_up(shared, metrics)?;
+    let found = distances(metrics, &*reference, &*candidate).map_err(user_error)?;
+    Ok((found, [&reference, &candidate].map(|brdf| Plausibility::of(&**brdf))))
+}
+
+/// With what the cache keeps of each BRDF by its content: for learned metrics that is all they need.
+fn kept(shared: &Shared, metrics: &[Arc<dyn Metric>], args: &CompareArgs) -> Result<Found> {
+    let Some(cache) = workspace::cache(shared)? else { return computed(shared, metrics, args) };
+    let identify = |notation: &str| BrdfSource::parse(notation)?.identify(shared.data.as_deref());
+    let (reference, candidate) = rayon::join(|| identify(&args.reference), || identify(&args.candidate));
+    let (reference, candidate) = (reference.map_err(user_error)?, candidate.map_err(user_error)?);
+    let (found, warnings) = distances_kept(metrics, &reference, &candidate, &cache).map_err(user_error)?;
+    workspace::warn(warnings);
+    let looks = [plausible::kept(&reference, &cache)?, plausible::kept(&candidate, &cache)?];
+    Ok((found, looks))
 }
 
 fn to_json(found: &[Distance], per_channel: bool) -> Value {

@@ -1,9 +1,11 @@
 //! What commands say of BRDFs whose values cannot be those of a material.
 
-use super::workspace;
+use super::{user_error, workspace};
+use anyhow::Result;
 use serde_json::{Value, json};
-use vernis_metric::brdf::Brdf;
-use vernis_metric::brdf::plausibility::Plausibility;
+use vernis_metric::brdf::plausibility::{Plausibility, VERSION};
+use vernis_metric::brdf::{Brdf, IdentifiedBrdf};
+use vernis_metric::descriptor::Cache;
 use vernis_metric::io::shown;
 
 /// Warns on standard error, and returns what was found.
@@ -11,6 +13,21 @@ pub fn warn(notation: &str, brdf: &dyn Brdf) -> Plausibility {
     let found = Plausibility::of(brdf);
     workspace::warn(warnings(notation, &found));
     found
+}
+
+/// Of a table from the cache, or looked at and kept.
+pub fn kept(brdf: &IdentifiedBrdf, cache: &Cache) -> Result<Plausibility> {
+    if brdf.is_open() {
+        return Ok(Plausibility::of(brdf.brdf().map_err(user_error)?));
+    }
+    let key = format!("plausibility {VERSION} {}", brdf.content);
+    if let Some(kept) = cache.load_values(&key).and_then(|numbers| Plausibility::from_numbers(&numbers)) {
+        return Ok(kept);
+    }
+    let brdf = brdf.brdf().map_err(user_error)?;
+    let found = Plausibility::of(brdf);
+    workspace::warn(cache.store_values(&key, &found.to_numbers(brdf.is_signed())).err());
+    Ok(found)
 }
 
 /// One line each.

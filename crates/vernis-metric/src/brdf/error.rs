@@ -18,6 +18,9 @@ pub enum BrdfError {
     /// The operating system refused.
     #[error("{}: {cause}", path.display())]
     Io { path: PathBuf, cause: std::io::Error },
+    /// Another program writes it.
+    #[error("{}: the file was changed while it was being read; run the command again when nothing writes to it", path.display())]
+    Changed { path: PathBuf },
     /// No such file, neither as given nor in the data folder.
     #[error("{path}: no such file; looked for {}", tried.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "))]
     NotFound { path: String, tried: Vec<PathBuf> },

@@ -1,42 +1,81 @@
 //! What a notation leads to: a BRDF and its content, or what is still to be decoded.
 
-use super::formats::{merl, titopo};
+use super::formats::{content, merl, titopo};
 use super::models::Dupuy;
 use super::notation::Kind;
 use super::source::ContentHash;
 use super::{Brdf, BrdfError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
-/// The bytes of a file, or of a member of an archive, whose size and header are those of a table.
+/// A table that is still to be decoded.
 pub(super) struct TableFile {
     kind: Kind,
     /// For messages.
     path: PathBuf,
-    bytes: Vec<u8>,
+    place: Place,
+}
+
+/// Where the bytes of a table are.
+enum Place {
+    /// In the file, read as often as they are needed: memory for them would cost more than the second reading.
+    File { modified: Option<SystemTime> },
+    /// Unpacked already.
+    Memory(Vec<u8>),
 }
 
 impl TableFile {
-    pub fn open(kind: Kind, path: &Path) -> Result<Self, BrdfError> {
-        let bytes = if kind == Kind::Merl { merl::bytes(path) } else { titopo::bytes(path) }?;
-        Ok(Self { kind, path: path.to_owned(), bytes })
+    /// Of a file; what is no table by its size and header is refused when it is read.
+    pub fn open(kind: Kind, path: &Path) -> Self {
+        Self { kind, path: path.to_owned(), place: Place::File { modified: modified(path) } }
     }
 
     /// Of bytes that were unpacked already.
     pub fn new(kind: Kind, path: PathBuf, bytes: Vec<u8>) -> Result<Self, BrdfError> {
-        let size = bytes.len() as u64;
-        if kind == Kind::Merl { merl::grid(&path, &bytes, size) } else { titopo::grid(&path, size) }?;
-        Ok(Self { kind, path, bytes })
+        check(kind, &path, &bytes, bytes.len() as u64)?;
+        Ok(Self { kind, path, place: Place::Memory(bytes) })
     }
 
-    fn content(&self) -> ContentHash {
-        ContentHash::of(&self.bytes)
+    fn content(&self) -> Result<ContentHash, BrdfError> {
+        match &self.place {
+            Place::File { .. } => {
+                let found = content(&self.path, |head, size| check(self.kind, &self.path, head, size))?;
+                self.unchanged(found)
+            }
+            Place::Memory(bytes) => Ok(ContentHash::of(bytes)),
+        }
     }
 
     fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {
-        let decode = if self.kind == Kind::Merl { merl::decode } else { titopo::decode };
-        Ok(Arc::new(decode(&self.path, &self.bytes)?))
+        let table = match (&self.place, self.kind) {
+            (Place::File { .. }, Kind::Merl) => self.unchanged(merl::read(&self.path)?),
+            (Place::File { .. }, _) => self.unchanged(titopo::read(&self.path)?),
+            (Place::Memory(bytes), Kind::Merl) => merl::decode(&self.path, bytes),
+            (Place::Memory(bytes), _) => titopo::decode(&self.path, bytes),
+        };
+        Ok(Arc::new(table?))
     }
+
+    /// `found`, unless the file has been written to since it was opened: the content would be that of another table.
+    fn unchanged<T>(&self, found: T) -> Result<T, BrdfError> {
+        match self.place {
+            Place::File { modified: before } if before != modified(&self.path) => {
+                Err(BrdfError::Changed { path: self.path.clone() })
+            }
+            _ => Ok(found),
+        }
+    }
+}
+
+/// Where a file system keeps no such times there is none.
+fn modified(path: &Path) -> Option<SystemTime> {
+    path.metadata().and_then(|metadata| metadata.modified()).ok()
+}
+
+/// Refuses what is no table by its first bytes and its size.
+fn check(kind: Kind, path: &Path, head: &[u8], size: u64) -> Result<(), BrdfError> {
+    if kind == Kind::Merl { merl::grid(path, head, size) } else { titopo::grid(path, size) }.map(drop)
 }
 
 /// What a notation leads to: a BRDF and its content, or what is still to be decoded.
@@ -47,9 +86,9 @@ pub(super) enum Found {
 }
 
 impl Found {
-    pub fn content(&self) -> ContentHash {
+    pub fn content(&self) -> Result<ContentHash, BrdfError> {
         match self {
-            Self::Open(content, _) => *content,
+            Self::Open(content, _) => Ok(*content),
             Self::Table(file) => file.content(),
             Self::Extraction(extraction) => extraction.content(),
         }
@@ -74,9 +113,9 @@ pub(super) struct Extraction {
 }
 
 impl Extraction {
-    fn content(&self) -> ContentHash {
-        let (version, reference) = (Dupuy::EXTRACTION_VERSION, self.reference.content());
-        ContentHash::of(format!("extraction {version} of {} from {reference}", self.model).as_bytes())
+    fn content(&self) -> Result<ContentHash, BrdfError> {
+        let (version, reference) = (Dupuy::EXTRACTION_VERSION, self.reference.content()?);
+        Ok(ContentHash::of(format!("extraction {version} of {} from {reference}", self.model).as_bytes()))
     }
 
     fn decode(&self) -> Result<Arc<dyn Brdf>, BrdfError> {

@@ -20,11 +20,11 @@
 //! the name of the model and the version of the extraction. An extraction takes some milliseconds, and is put off until values are
 //! asked for.
 
-use super::formats::{archive, extension, fit, materials, merl, model_json, nbrdf, npf, rgl, what_it_is};
+use super::BrdfError;
+use super::formats::{archive, extension, fit, materials, model_json, nbrdf, npf, rgl, what_it_is};
 use super::found::{Extraction, Found, TableFile};
 use super::models::{Dupuy, NamedParameters};
 use super::source::ContentHash;
-use super::{Brdf, BrdfError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -136,20 +136,12 @@ impl<'a> Parsed<'a> {
         })
     }
 
-    /// [`Parsed::found`] and decoded; the bytes of a MERL table are not kept.
-    pub fn decoded(&self, base: Option<&Path>) -> Result<Arc<dyn Brdf>, BrdfError> {
-        match (self.kind, self.fit) {
-            (Kind::Merl, None) => Ok(Arc::new(merl::read(&find(self.path, base)?)?)),
-            _ => self.found(base)?.decode(),
-        }
-    }
-
     /// Reads what the notation names without its `fit`, and decodes it unless it is a table.
     fn read(&self, base: Option<&Path>) -> Result<Found, BrdfError> {
         let path = &find(self.path, base)?;
         let material = self.material;
         Ok(match self.kind {
-            Kind::Merl | Kind::Titopo => Found::Table(TableFile::open(self.kind, path)?),
+            Kind::Merl | Kind::Titopo => Found::Table(TableFile::open(self.kind, path)),
             Kind::Rgl => {
                 let bytes = rgl::bytes(path)?;
                 Found::Open(ContentHash::of(&bytes), Arc::new(rgl::decode(path, &bytes)?))

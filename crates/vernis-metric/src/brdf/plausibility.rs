@@ -173,14 +173,56 @@ pub struct Plausibility {
     pub warnings: Vec<Implausible>,
 }
 
+/// Of the numbers that are kept ([`Plausibility::to_numbers`]); raised when one changes by more than rounding, or gets another meaning.
+pub const VERSION: u32 = 1;
+
+/// Numbers that are kept of an albedo.
+const OF_ALBEDO: usize = 4;
+
 impl Plausibility {
     /// Looks at `brdf`.
     pub fn of(brdf: &dyn Brdf) -> Self {
         let albedo = ANGLES.map(|theta| Albedo::of(brdf, theta));
+        Self::from_parts(albedo, brdf.is_signed(), brdf.as_table().and_then(values_beyond))
+    }
+
+    /// Numbers for a cache, from which [`Plausibility::from_numbers`] makes the same again.
+    pub fn to_numbers(&self, is_signed: bool) -> Vec<f64> {
+        let of_albedo = |a: &Albedo| [a.rgb[0], a.rgb[1], a.rgb[2], a.measured];
+        let mut numbers: Vec<f64> = self.albedo.iter().flat_map(of_albedo).collect();
+        numbers.push(f64::from(u8::from(is_signed)));
+        for warning in &self.warnings {
+            if let Implausible::Values { cells, at: (wi, wo), value, allowed } = warning {
+                numbers.extend([*cells as f64, wi.x, wi.y, wi.z, wo.x, wo.y, wo.z, *value, *allowed]);
+            }
+        }
+        numbers
+    }
+
+    /// `None` for numbers that are no plausibility.
+    pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let (of_albedo, rest) = numbers.split_at_checked(OF_ALBEDO * ANGLES.len())?;
+        let (is_signed, rest) = rest.split_first()?;
+        let albedo = |k: usize| {
+            let kept = &of_albedo[OF_ALBEDO * k..];
+            Albedo { theta_deg: ANGLES[k], rgb: [kept[0], kept[1], kept[2]], measured: kept[3] }
+        };
+        let values = match *rest {
+            [] => None,
+            [cells, a, b, c, d, e, f, value, allowed] => {
+                let at = (Vec3::new(a, b, c), Vec3::new(d, e, f));
+                Some(Implausible::Values { cells: cells as usize, at, value, allowed })
+            }
+            _ => return None,
+        };
+        Some(Self::from_parts([albedo(0), albedo(1), albedo(2)], *is_signed == 1.0, values))
+    }
+
+    fn from_parts(albedo: [Albedo; 3], is_signed: bool, values: Option<Implausible>) -> Self {
         let mut warnings = Vec::new();
         let known = || albedo.iter().filter(|a| a.measured > ENOUGH);
         // What is no number is not below either.
-        let possible = |a: &Albedo| match brdf.is_signed() {
+        let possible = |a: &Albedo| match is_signed {
             true => luminance(a.rgb) <= BRIGHT,
             false => a.rgb.iter().all(|v| *v <= BRIGHT),
         };
@@ -189,7 +231,7 @@ impl Plausibility {
         } else if known().count() > 0 && known().all(|a| a.rgb.iter().all(|v| *v < DARK)) {
             warnings.push(Implausible::Dark(albedo.to_vec()));
         }
-        warnings.extend(brdf.as_table().and_then(values_beyond));
+        warnings.extend(values);
         Self { albedo, warnings }
     }
 }
@@ -284,6 +326,19 @@ mod tests {
                 .to_string()
                 .starts_with("the albedo is below 0.001 in all channels (0.0000 0.0000 0.0000 at 0 deg")
         );
+    }
+
+    #[test]
+    fn what_is_kept_is_what_was_found() {
+        let mut bad = table(Grid::TITOPO_HALF, 1500.0).values().to_vec();
+        bad[1234] = [1e30; 3];
+        let bad = TabulatedBrdf::new(Grid::TITOPO_HALF, bad, vec![true; Grid::TITOPO_HALF.len()]).expect("finite");
+        for table in [table(Grid::MERL, 1.0), table(Grid::TITOPO_HALF, 1.0 / 1500.0), bad] {
+            let found = Plausibility::of(&table);
+            let numbers = found.to_numbers(table.is_signed());
+            assert_eq!(Plausibility::from_numbers(&numbers).expect("kept"), found);
+            assert_eq!(Plausibility::from_numbers(&numbers[1..]), None);
+        }
     }
 
     #[test]

@@ -70,6 +70,11 @@ enum State {
 }
 
 impl IdentifiedBrdf {
+    /// Whether it was there when its content was: true for models and networks, false for tables and what is read off another BRDF.
+    pub fn is_open(&self) -> bool {
+        matches!(self.state, State::Open(_))
+    }
+
     /// The BRDF; a table is decoded, and a model that is read off another BRDF extracted, the first time.
     ///
     /// # Errors
@@ -134,7 +139,7 @@ impl BrdfSource {
             Self::Notation(notation) => {
                 let found = Parsed::new(notation)?.found(base)?;
                 let (brdf, content) = rayon::join(|| found.decode(), || found.content());
-                Ok(OpenBrdf { notation: notation.clone(), content, brdf: brdf? })
+                Ok(OpenBrdf { notation: notation.clone(), content: content?, brdf: brdf? })
             }
         }
     }
@@ -146,7 +151,7 @@ impl BrdfSource {
     pub fn open_unhashed(&self, base: Option<&Path>) -> Result<Arc<dyn Brdf>, BrdfError> {
         match self {
             Self::Generated(open) => Ok(open.brdf.clone()),
-            Self::Notation(notation) => Parsed::new(notation)?.decoded(base),
+            Self::Notation(notation) => Parsed::new(notation)?.found(base)?.decode(),
         }
     }
 
@@ -167,7 +172,7 @@ impl BrdfSource {
             Self::Generated(open) => Ok(open.clone().into()),
             Self::Notation(notation) => {
                 let found = Parsed::new(notation)?.found(base)?;
-                let content = found.content();
+                let content = found.content()?;
                 let state = match found {
                     Found::Open(_, brdf) => State::Open(brdf),
                     found => State::Later { found, decoded: OnceLock::new() },

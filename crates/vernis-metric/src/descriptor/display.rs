@@ -45,14 +45,19 @@ pub(super) struct Displayed {
     brightness: [f64; 2],
 }
 
+fn sixth_power(x: f64) -> f64 {
+    let square = x * x;
+    square * (square * square)
+}
+
 /// (1 + x^6)^(-1/6), and s.
 fn saturated(x: f64) -> (f64, f64) {
     if x <= 1.0 {
-        let factor = 1.0 / (1.0 + x.powi(6)).sqrt().cbrt();
+        let factor = 1.0 / (1.0 + sixth_power(x)).sqrt().cbrt();
         (factor, x * factor)
     } else {
         // The same, without powers of large numbers.
-        let s = 1.0 / (1.0 + x.recip().powi(6)).sqrt().cbrt();
+        let s = 1.0 / (1.0 + sixth_power(x.recip())).sqrt().cbrt();
         (s / x, s)
     }
 }
@@ -72,7 +77,7 @@ fn shown_slope(x: f64, v: f64) -> f64 {
 /// (sum w y^6)^(1/6) of positive numbers, free of overflow.
 fn sixth_power_mean(weights: &[f64], values: impl Iterator<Item = f64> + Clone) -> f64 {
     let top = values.clone().fold(0.0, f64::max);
-    top * weighted_mean(weights, values.map(|y| (y / top).powi(6))).sqrt().cbrt()
+    top * weighted_mean(weights, values.map(|y| sixth_power(y / top))).sqrt().cbrt()
 }
 
 impl Displayed {

@@ -12,7 +12,7 @@ pub mod transport;
 pub use nodes::{Gradient, Nodes};
 pub use share::{PreparedMetrics, PreparedResult, PreparedShare, Share, ShareKey, groups};
 
-use crate::brdf::Brdf;
+use crate::brdf::{Brdf, IdentifiedBrdf};
 use crate::descriptor::{Cache, CacheWarning};
 use crate::io::did_you_mean;
 use crate::math::rating_scale::RatingScale;
@@ -241,6 +241,20 @@ pub trait Metric: Any + Send + Sync {
     /// The same metric at about one of `coarsening` cells along each axis, for the search of a fit; `None` where it cannot be
     /// had with fewer.
     fn coarser(&self, _coarsening: usize) -> Option<Arc<dyn Metric>> {
+        None
+    }
+
+    /// What [`PreparedMetric::measure`] gives, by what the cache keeps of each table: one that it knows is not decoded. `None` where the
+    /// metric keeps nothing of a single BRDF.
+    ///
+    /// # Errors
+    /// Those of [`Metric::prepare`] and [`PreparedMetric::measure`]; a BRDF that cannot be decoded is [`MetricError::Unusable`].
+    fn measure_kept(
+        &self,
+        _reference: &IdentifiedBrdf,
+        _candidate: &IdentifiedBrdf,
+        _cache: &Cache,
+    ) -> Option<Result<(Measured, Vec<CacheWarning>), MetricError>> {
         None
     }
 

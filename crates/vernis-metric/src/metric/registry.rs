@@ -7,9 +7,11 @@ use super::kernel::KernelMetric;
 use super::learned::LearnedMetric;
 use super::lp::{LpMetric, LpVariant};
 use super::transport::TransportMetric;
-use super::{Measured, Metric, MetricError, PreparedMetrics, Score};
-use crate::brdf::Brdf;
+use super::{Measured, Metric, MetricError, PreparedMetrics, Score, Side};
+use crate::brdf::{Brdf, BrdfError, IdentifiedBrdf};
+use crate::descriptor::{Cache, CacheWarning};
 use crate::io::nearest;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -161,11 +163,45 @@ pub fn distances(
     candidate: &dyn Brdf,
 ) -> Result<Vec<Distance>, MetricError> {
     let found = PreparedMetrics::new(metrics, reference)?.measure(candidate)?;
-    let named = |(metric, Measured { value, channels, score }): (&Arc<dyn Metric>, Measured)| Distance {
-        metric: metric.name().to_owned(),
-        value,
-        channels,
-        score,
-    };
-    Ok(metrics.iter().zip(found).map(named).collect())
+    Ok(metrics.iter().zip(found).map(|(metric, measured)| Distance::new(&**metric, measured)).collect())
+}
+
+/// As [`distances`], of BRDFs whose content is known, with what could not be kept for the next time. What the cache keeps of a single BRDF
+/// is taken from there; where that is all that the metrics need, no BRDF is decoded.
+///
+/// # Errors
+/// As [`distances`]; a BRDF that cannot be decoded is [`MetricError::Unusable`].
+pub fn distances_kept(
+    metrics: &[Arc<dyn Metric>],
+    reference: &IdentifiedBrdf,
+    candidate: &IdentifiedBrdf,
+    cache: &Cache,
+) -> Result<(Vec<Distance>, Vec<CacheWarning>), MetricError> {
+    let (mut found, mut warnings) = (BTreeMap::new(), Vec::new());
+    let mut others: Vec<(usize, Arc<dyn Metric>)> = Vec::new();
+    for (place, metric) in metrics.iter().enumerate() {
+        match metric.measure_kept(reference, candidate, cache).transpose()? {
+            Some((measured, unkept)) => {
+                found.insert(place, Distance::new(&**metric, measured));
+                warnings.extend(unkept);
+            }
+            None => others.push((place, metric.clone())),
+        }
+    }
+    let (places, others): (Vec<usize>, Vec<Arc<dyn Metric>>) = others.into_iter().unzip();
+    if !others.is_empty() {
+        warnings.extend(others.iter().filter_map(|metric| metric.warm_up(cache)));
+        let unusable = |side| move |error: BrdfError| MetricError::Unusable { side, reason: error.to_string() };
+        let reference = reference.brdf().map_err(unusable(Side::Reference))?;
+        let candidate = candidate.brdf().map_err(unusable(Side::Candidate))?;
+        found.extend(places.into_iter().zip(distances(&others, reference, candidate)?));
+    }
+    Ok((found.into_values().collect(), warnings))
+}
+
+impl Distance {
+    fn new(metric: &dyn Metric, measured: Measured) -> Self {
+        let Measured { value, channels, score } = measured;
+        Self { metric: metric.name().to_owned(), value, channels, score }
+    }
 }

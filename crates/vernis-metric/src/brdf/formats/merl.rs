@@ -7,7 +7,7 @@
 //! Source: Matusik et al. 2003, doi:10.1145/882262.882343, and the reader published with the data.
 //! Cost: one pass over the bytes of the file.
 
-use super::{read_checked, read_in_parts, table_error, unfit_grid, write_fresh};
+use super::{read_in_parts, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};
 use std::io::Write;
 use std::path::Path;
@@ -32,11 +32,6 @@ pub fn read(path: &Path) -> Result<TabulatedBrdf, BrdfError> {
     let begin = |head: &[u8], size| grid(path, head, size).map(Decoder::new);
     let (decoder, found) = read_in_parts(path, begin, |decoder, part| decoder.take(part.as_chunks().0))?;
     decoder.finish(path, found)
-}
-
-/// The bytes of a file that is a table by its size and header.
-pub(in crate::brdf) fn bytes(path: &Path) -> Result<Vec<u8>, BrdfError> {
-    read_checked(path, |head, size| grid(path, head, size).map(drop))
 }
 
 /// The table in the bytes of a file; `path` is for messages.

@@ -12,8 +12,10 @@ pub mod titopo;
 
 pub(super) use foreign::what_it_is;
 
+use super::source::ContentHash;
 use super::{BrdfError, Grid, TableError, TabulatedBrdf};
 use crate::io::{NewFile, open_regular};
+use sha2::{Digest, Sha256};
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -50,32 +52,14 @@ fn table_error(path: &Path) -> impl Fn(TableError) -> BrdfError {
 
 /// Bytes at the beginning of a file that tell its size: the header of a MERL table.
 const HEAD: usize = 12;
-/// Bytes read at a time where they are not kept.
-const PART: usize = 1 << 20;
+/// Bytes read at a time where they are not kept: whole cells of either table, and little enough for a processor's cache.
+const PART: usize = 12 << 14;
 
-/// The bytes of a file whose size is known beforehand. `check` sees the first bytes and the size of the file, and refuses
-/// before the rest is read: a wrong file may be of any size.
+/// Reads a file whose size is known beforehand without keeping its bytes. `begin` sees the first [`HEAD`] bytes and the size of the file,
+/// and refuses before the rest is read, a wrong file may be of any size, or begins; `take` sees what follows them, [`PART`] bytes at a
+/// time. Comes back with the number of bytes that there were: fewer than the size where the file has shrunk since.
 ///
 /// Files are read, not mapped: a mapped file that another process shortens ends this one without a message.
-pub(super) fn read_checked(
-    path: &Path,
-    check: impl FnOnce(&[u8], u64) -> Result<(), BrdfError>,
-) -> Result<Vec<u8>, BrdfError> {
-    let mut file = open_regular(path).map_err(io_error(path))?;
-    let size = file.metadata().map_err(io_error(path))?.len();
-    let mut bytes = Vec::with_capacity(HEAD);
-    file.by_ref().take(HEAD as u64).read_to_end(&mut bytes).map_err(io_error(path))?;
-    check(&bytes, size)?;
-    let rest = size.saturating_sub(bytes.len() as u64);
-    bytes.reserve_exact(rest as usize);
-    // The file may have grown since; the size that was checked is what is read.
-    file.take(rest).read_to_end(&mut bytes).map_err(io_error(path))?;
-    Ok(bytes)
-}
-
-/// [`read_checked`] without keeping the bytes. `begin` sees the first bytes and the size of the file, and refuses or begins; `take` sees
-/// what follows them, [`PART`] bytes at a time. Comes back with the number of bytes that there were: fewer than the size where the file
-/// has shrunk since.
 fn read_in_parts<S>(
     path: &Path,
     begin: impl FnOnce(&[u8], u64) -> Result<S, BrdfError>,
@@ -98,6 +82,20 @@ fn read_in_parts<S>(
         found += read as u64;
     }
     Ok((state, found))
+}
+
+/// The SHA-256 of a file, whose bytes are not kept. `check` sees the first [`HEAD`] bytes and the size of the file, and refuses before the
+/// rest is read.
+pub(super) fn content(
+    path: &Path,
+    check: impl FnOnce(&[u8], u64) -> Result<(), BrdfError>,
+) -> Result<ContentHash, BrdfError> {
+    let begin = |head: &[u8], size| {
+        check(head, size)?;
+        Ok(Sha256::new_with_prefix(head))
+    };
+    let (hash, _) = read_in_parts(path, begin, |hash, part| hash.update(part))?;
+    Ok(ContentHash(hash.finalize().into()))
 }
 
 /// Writes a file as a whole or not at all.

@@ -5,28 +5,28 @@
 //! each axis; 4,374,000 bytes. Values are BRDFs (1/sr, cosine not included). Negative and non-finite numbers occur and
 //! mean that nothing is known there; fresh files mark such cells by NaN.
 //!
-//! Source: the data of Lavoue et al. 2021, doi:10.1111/cgf.142636. Cost: one parallel pass over the bytes of the file.
+//! Source: the data of Lavoue et al. 2021, doi:10.1111/cgf.142636. Cost: one pass over the bytes of the file.
 
-use super::{extension, read_checked, table_error, unfit_grid, write_fresh};
+use super::{extension, read_in_parts, table_error, unfit_grid, write_fresh};
 use crate::brdf::{BrdfError, Grid, TabulatedBrdf};
-use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
 /// The larger of the two sizes.
 pub(super) const MOST_BYTES: u64 = 3 * 4 * 90 * 90 * 360;
 
-/// Reads a `.titopo` or `.titopoh` file; the extension says which.
+/// Reads a `.titopo` or `.titopoh` file; the extension says which. Its bytes are not kept.
 ///
 /// # Errors
 /// Any other size than the exact one, or no valid cell at all.
 pub fn read(path: &Path) -> Result<TabulatedBrdf, BrdfError> {
-    decode(path, &bytes(path)?)
-}
-
-/// The bytes of a file that is a table by its size.
-pub(in crate::brdf) fn bytes(path: &Path) -> Result<Vec<u8>, BrdfError> {
-    read_checked(path, |_, size| grid(path, size).map(drop))
+    let begin = |head: &[u8], size| {
+        let mut decoder = Decoder::new(grid(path, size)?);
+        decoder.take(head);
+        Ok(decoder)
+    };
+    let (decoder, found) = read_in_parts(path, begin, Decoder::take)?;
+    decoder.finish(path, found)
 }
 
 /// The table in the bytes of a file whose name is `path`.
@@ -34,17 +34,38 @@ pub(in crate::brdf) fn bytes(path: &Path) -> Result<Vec<u8>, BrdfError> {
 /// # Errors
 /// As [`read`].
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<TabulatedBrdf, BrdfError> {
-    let grid = grid(path, bytes.len() as u64)?;
-    let (cells, _) = bytes.as_chunks::<12>();
-    let (values, valid): (Vec<[f32; 3]>, Vec<bool>) = cells
-        .par_iter()
-        .with_min_len(1 << 14)
-        .map(|cell| {
-            let value: [f32; 3] = std::array::from_fn(|c| f32::from_le_bytes(std::array::from_fn(|b| cell[4 * c + b])));
-            (value, value.iter().all(|v| v.is_finite() && *v >= 0.0))
-        })
-        .unzip();
-    TabulatedBrdf::new(grid, values, valid).map_err(table_error(path))
+    let size = bytes.len() as u64;
+    let mut decoder = Decoder::new(grid(path, size)?);
+    decoder.take(bytes);
+    decoder.finish(path, size)
+}
+
+/// A table whose cells come one part after the other.
+struct Decoder {
+    values: Vec<[f32; 3]>,
+    valid: Vec<bool>,
+}
+
+impl Decoder {
+    fn new(grid: Grid) -> Self {
+        Self { values: Vec::with_capacity(grid.len()), valid: Vec::with_capacity(grid.len()) }
+    }
+
+    /// The next whole cells.
+    fn take(&mut self, bytes: &[u8]) {
+        let (numbers, _) = bytes.as_chunks::<4>();
+        let (cells, _) = numbers.as_chunks::<3>();
+        let first = self.values.len();
+        self.values.extend(cells.iter().map(|cell| cell.map(f32::from_le_bytes)));
+        // Without a way out inside: the compiler takes several cells at once.
+        let known = |value: &[f32; 3]| value.iter().fold(true, |all, v| all & v.is_finite() & (*v >= 0.0));
+        self.valid.extend(self.values[first..].iter().map(known));
+    }
+
+    /// The table; `size`: the number of bytes that there were.
+    fn finish(self, path: &Path, size: u64) -> Result<TabulatedBrdf, BrdfError> {
+        TabulatedBrdf::new(grid(path, size)?, self.values, self.valid).map_err(table_error(path))
+    }
 }
 
 /// The grid of the table in a file, by its size alone.

@@ -212,19 +212,18 @@ impl CosineTable {
             Grid::Standard { anchor: Anchor::Edge, .. } => 0.0,
             _ => 0.5,
         };
-        let width = from[1] * from[2];
         let cosine: Vec<f64> = (0..from[0]).map(|i| ((i as f64 + offset) / from[0] as f64 * FRAC_PI_2).cos()).collect();
         let filler = (!table.valid().iter().all(|v| *v)).then(|| nearest_valid(table.valid(), from));
-        let plane = |channel: usize| {
-            let value = |cell: usize| {
-                let cell = filler.as_ref().map_or(cell, |filler| filler[cell] as usize);
-                f64::from(table.values()[cell][channel]) * cosine[cell / width]
-            };
-            resample((0..source.len()).map(value).collect(), from, to)
+        let width = from[1] * from[2];
+        let value = |row: usize, cell: usize| match &filler {
+            None => table.values()[cell].map(|v| f64::from(v) * cosine[row]),
+            // A gap takes value and cosine of its neighbour.
+            Some(filler) => {
+                let cell = filler[cell] as usize;
+                table.values()[cell].map(|v| f64::from(v) * cosine[cell / width])
+            }
         };
-        let planes: Vec<Vec<f64>> = (0..3).into_par_iter().map(plane).collect();
-        let mut planes = planes.into_iter();
-        let values = std::array::from_fn(|_| planes.next().unwrap_or_default());
+        let values = resample(value, from, to);
         let valid = match filler {
             None => vec![true; grid.len()],
             Some(_) => resample_mask(table.valid(), from, to),

@@ -4,7 +4,7 @@ use super::direct::Points;
 use super::lanes::{LANES, squares};
 use super::mixture::{Kernel, Mixture, Term};
 use super::plan::Plan;
-use super::side::{Side, potential};
+use super::side::{Field, Side, potential};
 use super::splat::slopes;
 use crate::metric::graph::{CommonCells, GraphGrid, Tone};
 use rayon::prelude::*;
@@ -94,8 +94,13 @@ impl<'a> Comparison<'a> {
                 let side = |channels: &'a Channels| {
                     let channel = &channels.channels[channel];
                     match &channel.side {
-                        Some(side) if channels.own.count() == self.common.count() => side.with(plan, plan.steps.len()),
-                        _ => Cow::Owned(Side::new(plan, &channel.values, self.grid, self.common)),
+                        Some(side) if channels.own.count() == self.common.count() => {
+                            Fields { side: Cow::Borrowed(side), more: side.more(plan, plan.steps.len()) }
+                        }
+                        _ => {
+                            let side = Cow::Owned(Side::new(plan, &channel.values, self.grid, self.common));
+                            Fields { side, more: None }
+                        }
                     }
                 };
                 let sides = self.sides.map(side);
@@ -152,11 +157,30 @@ fn cells(grid: GraphGrid, common: &CommonCells) -> impl Iterator<Item = usize> +
     (0..grid.len()).filter(|cell| common.contains(*cell))
 }
 
+/// A side with the Gaussians of the other's plan, which may be more.
+struct Fields<'a> {
+    side: Cow<'a, Side>,
+    more: Option<Side>,
+}
+
+impl Fields<'_> {
+    fn field(&self, k: usize) -> &Field {
+        match &self.more {
+            Some(more) if k >= self.side.count() => more.field(k),
+            _ => self.side.field(k),
+        }
+    }
+
+    fn entries(&self) -> &[i64] {
+        self.side.entries()
+    }
+}
+
 /// Both sides on the lattice, and what the lattice does not resolve.
 struct OnLattice<'a> {
     a: &'a [f64],
     b: &'a [f64],
-    sides: [Cow<'a, Side>; 2],
+    sides: [Fields<'a>; 2],
     plan: &'a Plan,
     mixture: &'a Mixture,
     remainder: &'a Remainder,

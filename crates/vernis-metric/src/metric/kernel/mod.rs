@@ -32,6 +32,7 @@ mod axis;
 mod direct;
 mod divergence;
 mod lanes;
+mod memory;
 mod metric;
 mod mixture;
 mod plan;

@@ -5,11 +5,11 @@
 //! variance, exp(-(u - x)^2/sigma^2) exp(-(u - y)^2/sigma^2), taken at places u (`plan.rs`).
 
 use super::lanes::{LANES, Lanes, Tap, contract, filter};
+use super::memory::Buffer;
 use super::plan::{Plan, Step};
 use super::splat::masses;
 use super::value_axis::ValueAxis;
 use crate::metric::graph::{CommonCells, GraphGrid};
-use std::borrow::Cow;
 
 /// Gaussians end where they have fallen to exp(-20) = 2e-9.
 const REACH: f64 = 20.0;
@@ -21,12 +21,18 @@ pub(super) struct Field {
     pub entries: Vec<i64>,
     /// Coordinates along the base.
     pub width: usize,
-    pub data: Vec<Lanes>,
+    pub data: Buffer,
 }
 
 impl Field {
     pub fn zeros(entries: Vec<i64>, width: usize) -> Self {
-        let data = vec![[0.0; LANES]; entries.len() * width];
+        let data = Buffer::zeros(entries.len() * width);
+        Self { entries, width, data }
+    }
+
+    /// To be written as a whole.
+    fn unspecified(entries: Vec<i64>, width: usize) -> Self {
+        let data = Buffer::unspecified(entries.len() * width);
         Self { entries, width, data }
     }
 
@@ -57,28 +63,27 @@ impl Field {
 
     /// self - other.
     pub fn minus(&self, other: &Self) -> Self {
-        let mut difference = Self { entries: Vec::new(), width: self.width, data: Vec::new() };
+        let mut difference = Self { entries: Vec::new(), width: self.width, data: Buffer::zeros(0) };
         for (entry, a, b) in self.pairs(other) {
             difference.entries.push(entry);
             match (a, b) {
                 (Some(a), Some(b)) => {
-                    difference.data.extend(a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| a[k] - b[k])));
+                    difference.data.push(a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| a[k] - b[k])));
                 }
-                (Some(a), None) => difference.data.extend_from_slice(a),
-                (None, b) => difference.data.extend(b.unwrap_or_default().iter().map(|b| b.map(|b| -b))),
+                (Some(a), None) => difference.data.push(a.iter().copied()),
+                (None, b) => difference.data.push(b.unwrap_or_default().iter().map(|b| b.map(|b| -b))),
             }
         }
         difference
     }
 
-    /// Multiplied by a matrix along each base axis, the last first: `shape` before. `scratch` is memory to reuse.
-    fn multiplied(&self, matrices: [&[f64]; 3], shape: [usize; 3], to: [usize; 3], scratch: &mut Vec<Lanes>) -> Self {
+    /// Multiplied by a matrix along each base axis, the last first: `shape` before.
+    fn multiplied(&self, matrices: [&[f64]; 3], shape: [usize; 3], to: [usize; 3]) -> Self {
         let [n_i, n_o, n_d] = shape;
         let [r_i, r_o, r_d] = to;
         let width = r_i * r_o * r_d;
-        scratch.resize(self.entries.len() * width, [0.0; LANES]);
-        let mut out = Self { entries: self.entries.clone(), width, data: std::mem::take(scratch) };
-        let (mut one, mut two) = (vec![[0.0; LANES]; n_i * n_o * r_d], vec![[0.0; LANES]; n_i * r_o * r_d]);
+        let mut out = Self::unspecified(self.entries.clone(), width);
+        let (mut one, mut two) = (Buffer::unspecified(n_i * n_o * r_d), Buffer::unspecified(n_i * r_o * r_d));
         for (values, out) in self.data.chunks_exact(self.width).zip(out.data.chunks_exact_mut(out.width)) {
             contract(values, [n_i * n_o, n_d, 1], matrices[2], &mut one);
             contract(&one, [n_i, n_o, r_d], matrices[1], &mut two);
@@ -87,14 +92,14 @@ impl Field {
         out
     }
 
-    fn down(&self, step: &Step, scratch: &mut Vec<Lanes>) -> Self {
+    fn down(&self, step: &Step) -> Self {
         let base = step.base.each_ref();
-        self.multiplied(base.map(|b| &b.down[..]), base.map(|b| b.from), base.map(|b| b.to), scratch)
+        self.multiplied(base.map(|b| &b.down[..]), base.map(|b| b.from), base.map(|b| b.to))
     }
 
-    fn up(&self, step: &Step, scratch: &mut Vec<Lanes>) -> Self {
+    fn up(&self, step: &Step) -> Self {
         let base = step.base.each_ref();
-        self.multiplied(base.map(|b| &b.up[..]), base.map(|b| b.to), base.map(|b| b.from), scratch)
+        self.multiplied(base.map(|b| &b.up[..]), base.map(|b| b.to), base.map(|b| b.from))
     }
 }
 
@@ -155,7 +160,7 @@ fn along_values(
 ) -> Field {
     let reach = REACH.sqrt() * step.sigma;
     let places: Vec<Lanes> = from.entries.iter().map(|entry| nodes(of, *entry)).collect();
-    let (scales, mut out) = (roots(step), Field::zeros(to, from.width));
+    let (scales, mut out) = (roots(step), Field::unspecified(to, from.width));
     let mut taps: Vec<Tap> = Vec::new();
     let mut first = 0;
     for (entry, out) in out.entries.iter().zip(out.data.chunks_exact_mut(from.width)) {
@@ -182,9 +187,11 @@ fn along_values(
     out
 }
 
-/// One side, for every Gaussian of the plan.
+/// One side, for Gaussians of the plan that follow one another.
 #[derive(Debug, Clone)]
 pub(super) struct Side {
+    /// The first of them.
+    first: usize,
     /// Coordinates, one field a Gaussian.
     fields: Vec<Field>,
     /// The masses of the last Gaussian's coordinates along the base.
@@ -192,15 +199,15 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// `values`: phi of the values, one a cell of `grid`; cells outside `common` are left out.
+    /// For all of them. `values`: phi of the values, one a cell of `grid`; cells outside `common` are left out.
     pub fn new(plan: &Plan, values: &[f64], grid: GraphGrid, common: &CommonCells) -> Self {
-        let mut side = Self { fields: Vec::new(), last: masses(plan, values, grid, common) };
-        side.extend(plan, plan.steps.len());
-        side
+        let last = masses(plan, values, grid, common);
+        Self { first: 0, fields: Vec::new(), last }.extended(plan, plan.steps.len())
     }
 
+    /// The number of Gaussians that it reaches to.
     pub fn count(&self) -> usize {
-        self.fields.len()
+        self.first + self.fields.len()
     }
 
     /// The entries of value nodes that have masses.
@@ -208,51 +215,43 @@ impl Side {
         &self.last.entries
     }
 
-    fn extend(&mut self, plan: &Plan, count: usize) {
-        let mut scratch = Vec::new();
-        for step in &plan.steps[self.fields.len().min(count)..count] {
-            let after = self.last.down(step, &mut scratch);
-            let before = std::mem::replace(&mut self.last, after);
-            scratch = before.data;
+    fn extended(mut self, plan: &Plan, count: usize) -> Self {
+        for step in &plan.steps[self.count().min(count)..count] {
+            self.last = self.last.down(step);
             let places: Vec<Lanes> = self.last.entries.iter().map(|entry| nodes(plan.values, *entry)).collect();
             let outputs = within_reach(&places, step.outputs, REACH.sqrt() * step.sigma);
             let norm = |output| step.norm(output);
             self.fields.push(along_values(&self.last, plan.values, |_| 1.0, outputs, step.outputs, norm, step));
         }
+        self
     }
 
-    /// With the fields of the first `count` Gaussians.
-    pub fn with(&self, plan: &Plan, count: usize) -> Cow<'_, Self> {
-        if self.count() >= count {
-            return Cow::Borrowed(self);
-        }
-        let mut side = self.clone();
-        side.extend(plan, count);
-        Cow::Owned(side)
+    /// The Gaussians from there to the first `count`, if there are any.
+    pub fn more(&self, plan: &Plan, count: usize) -> Option<Self> {
+        let rest = || Self { first: self.count(), fields: Vec::new(), last: self.last.clone() };
+        (self.count() < count).then(|| rest().extended(plan, count))
     }
 
     pub fn field(&self, k: usize) -> &Field {
-        &self.fields[k]
+        &self.fields[k - self.first]
     }
 }
 
 /// The sum over the Gaussians of c G D at the nodes of `entries`, given D's coordinates for each: nodes of the value axis x base nodes.
 pub(super) fn potential(plan: &Plan, differences: &[Field], entries: &[i64]) -> Field {
     let mut wider: Option<Field> = None;
-    let mut scratch = Vec::new();
     for (k, difference) in differences.iter().enumerate().rev() {
         let step = &plan.steps[k];
         let norm = |output| step.norm(output) * step.weight;
         let mut field = along_values(difference, step.outputs, norm, entries.to_vec(), plan.values, |_| 1.0, step);
         if let Some(wider) = wider {
-            let terms = wider.up(&plan.steps[k + 1], &mut scratch);
+            let terms = wider.up(&plan.steps[k + 1]);
             field.data.as_flattened_mut().iter_mut().zip(terms.data.as_flattened()).for_each(|(a, b)| *a += b);
-            scratch = terms.data;
         }
         wider = Some(field);
     }
     match (wider, plan.steps.first()) {
-        (Some(field), Some(step)) => field.up(step, &mut scratch),
+        (Some(field), Some(step)) => field.up(step),
         _ => Field::zeros(Vec::new(), 0),
     }
 }

@@ -11,8 +11,8 @@
 
 use super::exported::{ExportedError, ExportedMetric};
 use super::regressor::Function;
-use crate::brdf::Brdf;
-use crate::descriptor::{BrdfFeatures, Cache, CacheWarning, DescriptorOptions, Setup};
+use crate::brdf::{Brdf, IdentifiedBrdf};
+use crate::descriptor::{BrdfFeatures, Cache, CacheWarning, DescriptorError, DescriptorOptions, Setup};
 use crate::io::read_text_at_most;
 use crate::light::Sites;
 use crate::math::Rgb;
@@ -203,9 +203,41 @@ impl Metric for LearnedMetric {
         format!("{} {} {}", self.name(), self.version(), self.exported.content())
     }
 
+    fn measure_kept(
+        &self,
+        reference: &IdentifiedBrdf,
+        candidate: &IdentifiedBrdf,
+        cache: &Cache,
+    ) -> Option<Result<(Measured, Vec<CacheWarning>), MetricError>> {
+        let features = |brdf: &IdentifiedBrdf, side: Side| {
+            let unusable = |error: DescriptorError| MetricError::Unusable { side, reason: error.to_string() };
+            // A model is evaluated as fast as its features are read, and a fit would fill the folder with its candidates.
+            let found = match brdf.is_open() {
+                true => {
+                    let warning = cache.prepare(&self.setup);
+                    let computed = brdf.brdf().map_err(DescriptorError::from);
+                    computed.and_then(|brdf| Ok((BrdfFeatures::compute(brdf, &self.setup)?, warning)))
+                }
+                false => cache.features(brdf, &self.setup),
+            };
+            found.map_err(unusable)
+        };
+        let measure = || {
+            let (reference, of_reference) = features(reference, Side::Reference)?;
+            let (candidate, of_candidate) = features(candidate, Side::Candidate)?;
+            let warnings = of_reference.into_iter().chain(of_candidate).collect();
+            Ok((measured(self.score(&reference, &candidate)?), warnings))
+        };
+        Some(measure())
+    }
+
     fn warm_up(&self, cache: &Cache) -> Option<CacheWarning> {
         cache.prepare(&self.setup)
     }
+}
+
+fn measured(score: Score) -> Measured {
+    Measured { value: score.distance, channels: None, score: Some(score) }
 }
 
 struct Prepared {
@@ -219,8 +251,7 @@ impl PreparedMetric for Prepared {
     }
 
     fn measure(&self, candidate: &dyn Brdf) -> Result<Measured, MetricError> {
-        let score = self.metric.score(&self.reference, &self.metric.features(candidate, Side::Candidate)?)?;
-        Ok(Measured { value: score.distance, channels: None, score: Some(score) })
+        Ok(measured(self.metric.score(&self.reference, &self.metric.features(candidate, Side::Candidate)?)?))
     }
 
     fn loss(&self, candidate: &dyn Brdf) -> Result<f64, MetricError> {

@@ -5,6 +5,7 @@ use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
 use crate::math::Rgb;
 use crate::metric::{MetricError, Side};
 use rayon::prelude::*;
+use std::borrow::Borrow;
 
 /// One channel of a block.
 pub(super) type Plane = [f64; AZIMUTHS];
@@ -104,24 +105,37 @@ fn range(i: usize, o: usize) -> std::ops::Range<usize> {
     start..start + AZIMUTHS
 }
 
-impl<C: Cells> Cells for &C {
-    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
-        (**self).read(i, o, extent, block)
-    }
+/// A table on [`Grid::TITOPO`], borrowed or owned.
+struct Table<T> {
+    table: T,
+    mirror_symmetric: bool,
+}
 
-    fn is_mirror_symmetric(&self) -> bool {
-        (**self).is_mirror_symmetric()
+impl<T: Borrow<TabulatedBrdf>> Table<T> {
+    fn new(table: T) -> Self {
+        let (values, valid) = (table.borrow().values(), table.borrow().valid());
+        let is_own_image = |(values, valid): (&[[f32; 3]], &[bool])| {
+            let same = |a: usize, b: usize| valid[a] == valid[b] && (!valid[a] || values[a] == values[b]);
+            (1..AZIMUTHS / 2).all(|k| same(k, AZIMUTHS - k))
+        };
+        let mirror_symmetric = values.par_chunks(AZIMUTHS).zip(valid.par_chunks(AZIMUTHS)).all(is_own_image);
+        Self { table, mirror_symmetric }
     }
 }
 
-impl Cells for TabulatedBrdf {
-    fn read(&self, i: usize, o: usize, _: Extent, block: &mut Block) -> Result<(), MetricError> {
-        block.set(&self.values()[range(i, o)], &self.valid()[range(i, o)]);
+impl<T: Borrow<TabulatedBrdf> + Send + Sync> Cells for Table<T> {
+    fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+        let table = self.table.borrow();
+        let (values, valid) = (&table.values()[range(i, o)], &table.valid()[range(i, o)]);
+        match extent == Extent::WHOLE {
+            true => block.set(values, valid),
+            false => block.place_each(extent, |k| valid[k].then(|| values[k].map(f64::from))),
+        }
         Ok(())
     }
 
     fn is_mirror_symmetric(&self) -> bool {
-        false
+        self.mirror_symmetric
     }
 }
 
@@ -233,8 +247,8 @@ pub(super) fn table_on_nodes(table: &TabulatedBrdf, polar: usize) -> Result<Vec<
 /// The cells of a BRDF that is read once. A table on another grid is looked up at the cells of [`Grid::TITOPO`].
 pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: Side) -> Result<Box<dyn Cells + 'a>, MetricError> {
     match brdf.as_table() {
-        Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table)),
-        Some(table) => Ok(Box::new(resampled(table, side)?)),
+        Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(Table::new(table))),
+        Some(table) => Ok(Box::new(Table::new(resampled(table, side)?))),
         None => Ok(Box::new(Evaluated { brdf, side, directions: Grid::TITOPO.all_directions() })),
     }
 }
@@ -242,8 +256,8 @@ pub(super) fn cells<'a>(brdf: &'a dyn Brdf, side: Side) -> Result<Box<dyn Cells 
 /// The cells of a BRDF that is read many times and outlives its source.
 pub(super) fn owned_cells(brdf: &dyn Brdf, side: Side) -> Result<Box<dyn Cells>, MetricError> {
     match brdf.as_table() {
-        Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(table.clone())),
-        Some(table) => Ok(Box::new(resampled(table, side)?)),
+        Some(table) if table.grid() == Grid::TITOPO => Ok(Box::new(Table::new(table.clone()))),
+        Some(table) => Ok(Box::new(Table::new(resampled(table, side)?))),
         None => Ok(Box::new(Samples::of(&Evaluated { brdf, side, directions: Grid::TITOPO.all_directions() })?)),
     }
 }

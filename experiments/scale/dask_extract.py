@@ -142,7 +142,8 @@ def main():
         if options.scheduler:
             client = stack.enter_context(Client(options.scheduler))
         else:
-            cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL)
+            # Port 0 is any free one: without an address, Dask takes 8787, and warns where another cluster has it.
+            cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
             stack.enter_context(cluster)
             stack.callback(end_programs)
             client = stack.enter_context(Client(cluster))

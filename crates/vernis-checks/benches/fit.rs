@@ -1,6 +1,6 @@
-//! What a fit costs: one value of every model, one loss, one whole fit.
+//! What a fit costs: one value of every model, one loss, value and gradient of metrics, one whole fit.
 //!
-//! `cargo bench --bench fit` prints times on one thread.
+//! `cargo bench --bench fit [models] [gradients] [fit]` prints times on one thread: all parts, or those named.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -33,6 +33,28 @@ fn models(directions: &[(Vec3, Vec3)]) {
             });
         });
         println!("  {id:30} {:8.1}", time / directions.len() as f64 * 1e9);
+    }
+}
+
+/// Of the values at a metric's nodes: what a fit by gradients asks for in every step.
+fn gradients() {
+    let reference = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.1).expect("within bounds");
+    let candidate = Ggx::new([0.1; 3], [0.05; 3], 0.15).expect("within bounds");
+    let registry = Registry::standard().expect("the registry");
+    println!("value and gradient at the nodes, against a prepared reference");
+    for name in ["D4.Cl", "D4.Cl.CR", "D9.Cl", "energy", "ot", "vernis-loss", "vernis"] {
+        let prepared = registry.get(name).and_then(|metric| metric.prepare(&reference)).expect("a name");
+        let values = prepared.nodes().expect("a gradient").evaluate(&candidate);
+        // The first makes what is made once a process.
+        let _ = prepared.gradient_at(&values);
+        let value = shortest(7, || drop(black_box(prepared.distance_at(&values))));
+        let both = shortest(7, || drop(black_box(prepared.gradient_at(&values))));
+        println!(
+            "  {name:12} {:8.2} ms a value, {:8.2} ms value and gradient: {:.1} values",
+            value * 1e3,
+            both * 1e3,
+            both / value
+        );
     }
 }
 
@@ -77,6 +99,8 @@ fn fit() {
 }
 
 fn main() {
+    let named: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
+    let wanted = |part: &str| named.is_empty() || named.iter().any(|name| name == part);
     let angle = |k: usize, n: usize, span: f64| (k as f64 + 0.5) / n as f64 * span;
     let directions: Vec<_> = (0..16_384)
         .map(|k| {
@@ -89,7 +113,14 @@ fn main() {
         .collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     pool.install(|| {
-        models(&directions);
-        fit();
+        if wanted("models") {
+            models(&directions);
+        }
+        if wanted("gradients") {
+            gradients();
+        }
+        if wanted("fit") {
+            fit();
+        }
     });
 }

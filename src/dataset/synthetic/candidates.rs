@@ -201,13 +201,25 @@ impl Brdf for Noisy {
     }
 
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
-        let f = self.base.eval(wi, wo)?;
+        self.base.eval(wi, wo).map(|f| self.spoilt(f, wi, wo))
+    }
+
+    fn eval_batch(&self, wi: &[Vec3], wo: &[Vec3], out: &mut [Option<Rgb>]) {
+        self.base.eval_batch(wi, wo, out);
+        for ((out, &wi), &wo) in out.iter_mut().zip(wi).zip(wo) {
+            *out = out.map(|f| self.spoilt(f, wi, wo));
+        }
+    }
+}
+
+impl Noisy {
+    fn spoilt(&self, f: Rgb, wi: Vec3, wo: Vec3) -> Rgb {
         if wi.z <= 0.0 || wo.z <= 0.0 {
-            return Some(f);
+            return f;
         }
         let c = half_difference(wi, wo);
         let noise = self.lattice.at(c.theta_h, c.theta_d, c.phi_d);
-        Some(std::array::from_fn(|k| f[k] * (self.amplitude * noise[k]).exp()))
+        std::array::from_fn(|k| f[k] * (self.amplitude * noise[k]).exp())
     }
 }
 

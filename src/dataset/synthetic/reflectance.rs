@@ -17,6 +17,7 @@
 //!
 //! Colours are linear RGB; everything is dimensionless but the values of f, 1/sr. Reciprocal. Cost: a few powers.
 
+use multiversion::multiversion;
 use serde::Serialize;
 use std::f64::consts::{FRAC_1_PI, PI};
 use vernis_metric::brdf::Brdf;
@@ -79,37 +80,50 @@ pub struct Material {
     pub coat: Option<Coat>,
 }
 
-/// What the parts need of a pair of directions.
-struct Geometry {
-    ci: f64,
-    co: f64,
+/// Pairs of directions that are evaluated at once where many have the same polar angles.
+const MANY: usize = 32;
+
+/// What the parts need of `N` pairs of directions.
+struct Geometry<const N: usize> {
+    ci: [f64; N],
+    co: [f64; N],
     /// cos theta_h
-    ch: f64,
+    ch: [f64; N],
     /// cos theta_d
-    cd: f64,
+    cd: [f64; N],
     /// wi . wo
-    cos_angle: f64,
+    cos_angle: [f64; N],
     /// sin theta_i sin theta_o cos of the azimuth difference
-    tangential: f64,
+    tangential: [f64; N],
 }
 
-impl Geometry {
-    fn new(wi: Vec3, wo: Vec3) -> Self {
-        let sum = wi + wo;
-        let length = sum.length();
-        Self {
-            ci: wi.z,
-            co: wo.z,
-            ch: (sum.z / length).min(1.0),
-            cd: (0.5 * length).min(1.0),
-            cos_angle: wi.dot(wo),
-            tangential: wi.x * wo.x + wi.y * wo.y,
+impl<const N: usize> Geometry<N> {
+    /// Of at most `N` pairs; the others are like the last.
+    #[inline(always)]
+    fn new(wi: &[Vec3], wo: &[Vec3]) -> Self {
+        let [mut ix, mut iy, mut iz, mut ox, mut oy, mut oz] = [[0.0; N]; 6];
+        let last = wi.len() - 1;
+        for k in 0..N {
+            let (i, o) = (wi[k.min(last)], wo[k.min(last)]);
+            (ix[k], iy[k], iz[k]) = (i.x, i.y, i.z);
+            (ox[k], oy[k], oz[k]) = (o.x, o.y, o.z);
         }
+        let [mut ch, mut cd, mut cos_angle, mut tangential] = [[0.0; N]; 4];
+        for k in 0..N {
+            let (x, y, z) = (ix[k] + ox[k], iy[k] + oy[k], iz[k] + oz[k]);
+            let length = (x * x + y * y + z * z).sqrt();
+            ch[k] = (z / length).min(1.0);
+            cd[k] = (0.5 * length).min(1.0);
+            tangential[k] = ix[k] * ox[k] + iy[k] * oy[k];
+            cos_angle[k] = tangential[k] + iz[k] * oz[k];
+        }
+        Self { ci: iz, co: oz, ch, cd, cos_angle, tangential }
     }
 }
 
 impl Distribution {
     /// D for cos^2 theta_h and alpha^2, 1/sr.
+    #[inline(always)]
     fn density(self, ch2: f64, a2: f64) -> f64 {
         match self {
             Self::Ggx => {
@@ -128,6 +142,7 @@ impl Distribution {
 }
 
 /// (1 - c)^5
+#[inline(always)]
 fn schlick(c: f64) -> f64 {
     let m = 1.0 - c;
     m * m * m * m * m
@@ -142,8 +157,6 @@ fn visibility(alpha: f64, [ci, co]: [f64; 2]) -> f64 {
 
 /// What depends on the polar angles alone, and so stays along an azimuth.
 struct Polar {
-    /// cos theta_i, cos theta_o
-    cosines: [f64; 2],
     /// Of each lobe.
     visibility: Vec<f64>,
     /// Visibility of the coat's own lobe, and what the coat lets through on the way in and out.
@@ -154,50 +167,96 @@ impl Material {
     fn polar(&self, cosines: [f64; 2]) -> Polar {
         let of_coat = |c: &Coat| (visibility(c.alpha, cosines), cosines.map(|cos| c.transmittance(cos)));
         Polar {
-            cosines,
             visibility: self.lobes.iter().map(|l| visibility(l.alpha, cosines)).collect(),
             coat: self.coat.as_ref().map(of_coat),
         }
     }
+}
 
-    fn body(&self, g: &Geometry, polar: &Polar) -> Rgb {
-        let mut f = self.kd.map(|k| k * FRAC_1_PI * oren_nayar(self.sigma, g));
-        for (lobe, visibility) in self.lobes.iter().zip(&polar.visibility) {
-            let density = lobe.distribution.density(g.ch * g.ch, lobe.alpha * lobe.alpha);
-            let shape = lobe.weight * density * visibility;
-            let rise = lobe.fresnel * schlick(g.cd);
-            (0..3).for_each(|c| f[c] += shape * (lobe.f0[c] + (1.0 - lobe.f0[c]) * rise));
-        }
-        if let Some(s) = &self.sheen {
-            let sin2 = (1.0 - g.ch * g.ch).max(0.0);
-            let n = 1.0 / s.width;
-            let shape = (2.0 + n) * sin2.powf(0.5 * n) / (2.0 * PI) / (4.0 * (g.ci + g.co - g.ci * g.co));
-            (0..3).for_each(|c| f[c] += s.colour[c] * shape);
-        }
-        if let Some(r) = &self.retro {
-            let shape = (r.exponent + 1.0) / (2.0 * PI) * g.cos_angle.max(0.0).powf(r.exponent);
-            (0..3).for_each(|c| f[c] += r.colour[c] * shape);
-        }
-        f
+/// Of at most `N` pairs above the horizon that have the polar angles of `polar`.
+///
+/// Compiled once for every x86-64 processor and once for those with AVX2; nothing is multiplied and added in one instruction, so that
+/// both give the same bits.
+#[multiversion(targets("x86_64+avx2"))]
+fn values<const N: usize>(m: &Material, wi: &[Vec3], wo: &[Vec3], polar: &Polar) -> [[f64; N]; 3] {
+    let g = Geometry::<N>::new(wi, wo);
+    let mut f = [[0.0; N]; 3];
+    let oren_nayar = oren_nayar(m.sigma, &g);
+    for (f, kd) in f.iter_mut().zip(m.kd) {
+        f.iter_mut().zip(oren_nayar).for_each(|(f, factor)| *f = kd * FRAC_1_PI * factor);
     }
+    for (lobe, &visibility) in m.lobes.iter().zip(&polar.visibility) {
+        let a2 = lobe.alpha * lobe.alpha;
+        let mut shape = [0.0; N];
+        match lobe.distribution {
+            Distribution::Ggx => densities(|ch2| Distribution::Ggx.density(ch2, a2), &g, &mut shape),
+            Distribution::Beckmann => densities(|ch2| Distribution::Beckmann.density(ch2, a2), &g, &mut shape),
+            Distribution::LongTail => densities(|ch2| Distribution::LongTail.density(ch2, a2), &g, &mut shape),
+        }
+        let mut rise = [0.0; N];
+        for ((shape, rise), cd) in shape.iter_mut().zip(&mut rise).zip(g.cd) {
+            *shape = lobe.weight * *shape * visibility;
+            *rise = lobe.fresnel * schlick(cd);
+        }
+        for (f, f0) in f.iter_mut().zip(lobe.f0) {
+            for ((f, shape), rise) in f.iter_mut().zip(shape).zip(rise) {
+                *f += shape * (f0 + (1.0 - f0) * rise);
+            }
+        }
+    }
+    let [red, green, blue] = &mut f;
+    let mut add = |k: usize, colour: Rgb, shape: f64| {
+        red[k] += colour[0] * shape;
+        green[k] += colour[1] * shape;
+        blue[k] += colour[2] * shape;
+    };
+    if let Some(s) = &m.sheen {
+        let n = 1.0 / s.width;
+        for k in 0..N {
+            let sin2 = (1.0 - g.ch[k] * g.ch[k]).max(0.0);
+            let cosines = 4.0 * (g.ci[k] + g.co[k] - g.ci[k] * g.co[k]);
+            add(k, s.colour, (2.0 + n) * sin2.powf(0.5 * n) / (2.0 * PI) / cosines);
+        }
+    }
+    if let Some(r) = &m.retro {
+        for (k, cos_angle) in g.cos_angle.into_iter().enumerate() {
+            add(k, r.colour, (r.exponent + 1.0) / (2.0 * PI) * cos_angle.max(0.0).powf(r.exponent));
+        }
+    }
+    if let (Some(coat), Some((visibility, [ti, to]))) = (&m.coat, &polar.coat) {
+        let a2 = coat.alpha * coat.alpha;
+        let mut gloss = [0.0; N];
+        for ((gloss, ch), cd) in gloss.iter_mut().zip(g.ch).zip(g.cd) {
+            let shape = Distribution::Ggx.density(ch * ch, a2) * visibility;
+            *gloss = shape * (coat.f0 + coat.fresnel * (1.0 - coat.f0) * schlick(cd));
+        }
+        for (c, f) in f.iter_mut().enumerate() {
+            let through = ti[c] * to[c];
+            f.iter_mut().zip(gloss).for_each(|(f, gloss)| *f = gloss + through * *f);
+        }
+    }
+    f
+}
 
-    /// Above the horizon.
-    fn value(&self, wi: Vec3, wo: Vec3, polar: &Polar) -> Rgb {
-        let g = Geometry::new(wi, wo);
-        let body = self.body(&g, polar);
-        let (Some(coat), Some((visibility, [ti, to]))) = (&self.coat, &polar.coat) else { return body };
-        let shape = Distribution::Ggx.density(g.ch * g.ch, coat.alpha * coat.alpha) * visibility;
-        let gloss = shape * (coat.f0 + coat.fresnel * (1.0 - coat.f0) * schlick(g.cd));
-        std::array::from_fn(|c| gloss + ti[c] * to[c] * body[c])
+/// A loop for each distribution, of which the compiler makes vectors.
+#[inline(always)]
+fn densities<const N: usize>(density: impl Fn(f64) -> f64, g: &Geometry<N>, to: &mut [f64; N]) {
+    for (to, ch) in to.iter_mut().zip(g.ch) {
+        *to = density(ch * ch);
     }
 }
 
 /// A + B max(0, cos dphi) sin alpha tan beta.
-fn oren_nayar(sigma: f64, g: &Geometry) -> f64 {
+#[inline(always)]
+fn oren_nayar<const N: usize>(sigma: f64, g: &Geometry<N>) -> [f64; N] {
     let s2 = sigma * sigma;
     let (a, b) = (1.0 - s2 / (2.0 * s2 + 0.66), 0.45 * s2 / (s2 + 0.09));
     // sin a tan b = sin theta_i sin theta_o / max(cos): the sines are in `tangential`.
-    a + b * g.tangential.max(0.0) / g.ci.max(g.co)
+    let mut factors = [0.0; N];
+    for (((factor, tangential), ci), co) in factors.iter_mut().zip(g.tangential).zip(g.ci).zip(g.co) {
+        *factor = a + b * tangential.max(0.0) / ci.max(co);
+    }
+    factors
 }
 
 impl Coat {
@@ -215,25 +274,37 @@ impl Brdf for Material {
     }
 
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
-        if wi.z <= 0.0 || wo.z <= 0.0 {
-            return Some([0.0; 3]);
-        }
-        Some(self.value(wi, wo, &self.polar([wi.z, wo.z])))
+        let mut out = [None];
+        self.eval_batch(&[wi], &[wo], &mut out);
+        out[0]
     }
 
     fn eval_batch(&self, wi: &[Vec3], wo: &[Vec3], out: &mut [Option<Rgb>]) {
-        // Batches run along azimuths.
-        let mut polar = self.polar([1.0; 2]);
-        for ((out, &wi), &wo) in out.iter_mut().zip(wi).zip(wo) {
-            let cosines = [wi.z, wo.z];
-            if wi.z <= 0.0 || wo.z <= 0.0 {
-                *out = Some([0.0; 3]);
+        let mut first = 0;
+        while first < out.len() {
+            let (ci, co) = (wi[first].z, wo[first].z);
+            if ci <= 0.0 || co <= 0.0 {
+                out[first] = Some([0.0; 3]);
+                first += 1;
                 continue;
             }
-            if cosines != polar.cosines {
-                polar = self.polar(cosines);
+            // Batches run along azimuths.
+            let directions = wi[first..].iter().zip(&wo[first..]).take(MANY);
+            let alike = directions.take_while(|(wi, wo)| wi.z == ci && wo.z == co).count();
+            let (polar, range) = (self.polar([ci, co]), first..first + alike);
+            let (wi, wo, out) = (&wi[range.clone()], &wo[range.clone()], &mut out[range]);
+            if alike > MANY / 8 {
+                let [red, green, blue] = values::<MANY>(self, wi, wo, &polar);
+                for (((out, red), green), blue) in out.iter_mut().zip(red).zip(green).zip(blue) {
+                    *out = Some([red, green, blue]);
+                }
+            } else {
+                for (k, out) in out.iter_mut().enumerate() {
+                    let [[red], [green], [blue]] = values::<1>(self, &wi[k..=k], &wo[k..=k], &polar);
+                    *out = Some([red, green, blue]);
+                }
             }
-            *out = Some(self.value(wi, wo, &polar));
+            first += alike;
         }
     }
 }
@@ -259,6 +330,26 @@ mod tests {
                     .sum();
                 assert!((2.0 * PI * sum - 1.0).abs() < 1e-3, "{distribution:?} {alpha}: {}", 2.0 * PI * sum);
             }
+        }
+    }
+
+    #[test]
+    fn a_batch_has_the_bits_of_single_values() {
+        // Circles of three lengths, one direction at a time, and some below the horizon.
+        let at = |k: usize| match k {
+            0..100 => (0.3, 0.8, k as f64 * 0.06),
+            100..103 => (0.4, 0.1, k as f64),
+            _ => (0.01 * k as f64, 0.5, 1.0),
+        };
+        let wo: Vec<Vec3> = (0..200).map(|k| Vec3::from_spherical(at(k).0, at(k).2)).collect();
+        let wi: Vec<Vec3> = (0..200).map(|k| Vec3::from_spherical(at(k).1, 0.0)).collect();
+        for m in materials::all() {
+            let mut found = vec![None; wi.len()];
+            m.material.eval_batch(&wi, &wo, &mut found);
+            for k in 0..wi.len() {
+                assert_eq!(found[k], m.material.eval(wi[k], wo[k]), "{} {k}", m.name);
+            }
+            assert_eq!((found[199], found[0] != found[1]), (Some([0.0; 3]), true));
         }
     }
 

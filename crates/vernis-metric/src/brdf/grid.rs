@@ -218,11 +218,11 @@ impl GridDirections {
     /// `circle` counts these pairs. `None` where there is no measurement. Of a BRDF that is its own mirror image, the first half alone:
     /// [`GridDirections::on_circle`] finds the others.
     pub(crate) fn evaluate_circle(&self, brdf: &dyn Brdf, circle: usize) -> Vec<Option<Rgb>> {
-        let [_, _, azimuths] = self.grid.shape();
+        let [_, polar, azimuths] = self.grid.shape();
         let half = if self.grid.anchor() == 0.0 { azimuths / 2 + 1 } else { azimuths.div_ceil(2) };
         let evaluated = if brdf.is_mirror_symmetric() { half } else { azimuths };
-        let first = circle * azimuths;
-        let (wi, wo): (Vec<_>, Vec<_>) = (first..first + evaluated).map(|cell| self.get(cell)).unzip();
+        let (i, o) = (circle / polar, circle % polar);
+        let (wi, wo): (Vec<_>, Vec<_>) = (0..evaluated).map(|k| self.at([i, o, k])).unzip();
         let mut values = vec![None; evaluated];
         brdf.eval_in_gamut(&wi, &wo, &mut values);
         values

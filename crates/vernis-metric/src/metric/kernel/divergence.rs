@@ -104,7 +104,7 @@ impl<'a> Comparison<'a> {
                     }
                 };
                 let sides = self.sides.map(side);
-                Form::Lattice(OnLattice { a: &a.values, b: &b.values, sides, plan, mixture, remainder })
+                Form::Lattice(Box::new(OnLattice { a: &a.values, b: &b.values, sides, plan, mixture, remainder }))
             }
         };
         Pair { grid: self.grid, common: self.common, tone: self.setting.tone, form }
@@ -121,7 +121,7 @@ pub(super) struct Pair<'a> {
 
 enum Form<'a> {
     Direct(Points),
-    Lattice(OnLattice<'a>),
+    Lattice(Box<OnLattice<'a>>),
 }
 
 impl Pair<'_> {

@@ -7,11 +7,11 @@
 
 #![allow(missing_docs, reason = "a bench has no interface")]
 
-use anyhow::{Context, Result, bail};
-use rayon::ThreadPoolBuilder;
+use anyhow::{Context, Result, anyhow, bail};
 use std::collections::BTreeSet;
 use std::hint::black_box;
 use std::path::PathBuf;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Instant;
 use vernis::brdf::models::Ggx;
@@ -26,8 +26,14 @@ use vernis::train::recipe;
 
 const PARTS: [&str; 4] = ["pairs", "grid", "materials", "workers"];
 
+/// The argument of a process that [`workers`] starts.
+const ALONE: &str = "--alone";
+
 fn main() -> Result<()> {
     let mut named: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    if named == [ALONE] {
+        return alone();
+    }
     if let Some(unknown) = named.iter().find(|part| !PARTS.contains(&part.as_str())) {
         bail!("the part is `{unknown}`; it must be one of {}", PARTS.join(", "));
     }
@@ -64,10 +70,10 @@ fn times<T>(run: impl FnOnce() -> Result<T>) -> Result<[f64; 2]> {
 
 /// Times of one size each, and by how much the time of a unit differs from the first size's.
 fn table(what: &str, unit: &str, sizes: &[(String, f64, f64)]) {
-    println!("\n{what}\n{:>14}{:>12}{:>16}{:>12}", "size", "CPU s", format!("ms {unit}"), "off linear");
+    println!("\n{what}\n{:>14}{:>12}{:>20}{:>14}", "size", "CPU s", format!("ms {unit}"), "off linear");
     let first = sizes.first().map_or(1.0, |(_, count, time)| time / count);
     for (size, count, time) in sizes {
-        println!("{size:>14}{time:>12.2}{:>16.3}{:>11.0} %", 1e3 * time / count, 100.0 * (time / count / first - 1.0));
+        println!("{size:>14}{time:>12.2}{:>20.3}{:>12.0} %", 1e3 * time / count, 100.0 * (time / count / first - 1.0));
     }
 }
 
@@ -144,12 +150,28 @@ fn materials() -> Result<()> {
 }
 
 fn workers() -> Result<()> {
-    let study = study(200)?;
     println!("\nDescriptors and Lp distances of 200 pairs, over workers\n{:>14}{:>12}{:>12}", "workers", "CPU s", "s");
-    for threads in [1, 2] {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let [cpu, elapsed] = times(|| pool.install(|| extract(&study)))?;
+    for threads in ["1", "2"] {
+        // A process each: a worker hands the parts of its job to the threads that the process began with.
+        let mut child = Command::new(std::env::current_exe()?);
+        let output = child.arg(ALONE).env("RAYON_NUM_THREADS", threads).stderr(Stdio::inherit()).output()?;
+        let [cpu, elapsed] = String::from_utf8(output.stdout)?
+            .split_whitespace()
+            .map(|number| Ok(number.parse::<f64>()?))
+            .collect::<Result<Vec<_>>>()?
+            .try_into()
+            .map_err(|found| {
+                anyhow!("the process of {threads} workers printed {found:?}; it must print two numbers")
+            })?;
         println!("{threads:>14}{cpu:>12.2}{elapsed:>12.2}");
     }
+    Ok(())
+}
+
+/// What a process of [`workers`] does: CPU time and time of 200 pairs.
+fn alone() -> Result<()> {
+    let study = study(200)?;
+    let [cpu, elapsed] = times(|| extract(&study))?;
+    println!("{cpu} {elapsed}");
     Ok(())
 }

@@ -271,6 +271,34 @@ fn implausible_tables_are_warned_of() {
     assert!(said.contains("black.json: the albedo is below 0.001"), "{said}");
 }
 
+/// The second time, features and plausibility of a table come from the cache, and say the same; those of a model are not kept.
+#[test]
+fn tables_that_the_cache_knows_are_compared_alike() {
+    let place = Place::new();
+    place.run(&["data", "convert", "ward.json", "ward.titopoh"]);
+    let compare = ["compare", "ward.titopoh", "ggx.json", "--cache", "cache", "-m", "vernis", "-m", "D4", "--json"];
+    let first = place.json(&compare);
+    let kept = |ending: &str| {
+        let names = fs::read_dir(place.0.path().join("cache")).expect("a folder").map(|entry| entry.expect("an entry"));
+        names.filter(|entry| entry.file_name().to_string_lossy().ends_with(ending)).count()
+    };
+    assert_eq!((kept(".features"), kept(".values"), kept(".operators")), (1, 1, 1));
+    assert_eq!(place.json(&compare), first);
+    let uncached = place.json(&["compare", "ward.titopoh", "ggx.json", "-m", "D4", "--json"]);
+    assert_eq!(uncached["distances"]["D4"], first["distances"]["D4"]);
+    assert_eq!(uncached["albedo"], first["albedo"]);
+    // What is no table is refused by its size, whether it is hashed or decoded.
+    let cut = fs::read(place.0.path().join("ward.titopoh")).expect("bytes")[..1000].to_vec();
+    place.write("ward.titopoh", cut);
+    for metric in ["vernis", "D4"] {
+        let said = place.mistake(&["compare", "ward.titopoh", "ggx.json", "--cache", "cache", "-m", metric]);
+        assert!(
+            said.contains("ward.titopoh: the file has 1000 bytes; Titopo at half resolution needs exactly 4374000"),
+            "{said}"
+        );
+    }
+}
+
 #[test]
 fn channels_are_said_to_be_lacking() {
     let place = Place::new();

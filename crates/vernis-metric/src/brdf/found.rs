@@ -123,3 +123,29 @@ impl Extraction {
         Ok(Arc::new(found.map_err(|cause| BrdfError::Model { place: self.notation.clone(), cause })?))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brdf::models::Lambert;
+    use crate::brdf::{Grid, TabulatedBrdf};
+    use std::time::Duration;
+
+    #[test]
+    fn a_file_that_changes_between_two_readings_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.titopoh");
+        let table = TabulatedBrdf::tabulate(&Lambert { kd: [0.5; 3] }, Grid::TITOPO_HALF).expect("finite");
+        titopo::write(&path, &table).expect("writable");
+        let file = TableFile::open(Kind::Titopo, &path);
+        let content = file.content().expect("a table");
+        assert_eq!(content, ContentHash::of(&std::fs::read(&path).expect("bytes")));
+        assert_eq!(file.decode().expect("a table").as_table().expect("a table").values(), table.values());
+        let later = SystemTime::now() + Duration::from_secs(10);
+        std::fs::File::options().append(true).open(&path).and_then(|f| f.set_modified(later)).expect("a time");
+        for error in [file.content().err(), file.decode().err()] {
+            assert!(matches!(error, Some(BrdfError::Changed { .. })), "{error:?}");
+        }
+        assert_eq!(TableFile::open(Kind::Titopo, &path).content().expect("a table"), content);
+    }
+}

@@ -102,7 +102,7 @@ def main():
     parser.add_argument("--powers", default="2,1", help="p of the transport distance")
     parser.add_argument("--runs", type=int, default=3)
     options = parser.parse_args()
-    transport(options.grids.split(","), options.powers.split(","), options.runs)
+    transport(options.grids.split(","), [int(p) for p in options.powers.split(",")], options.runs)
     lp(options.runs)
 
 

@@ -2,8 +2,8 @@
 //!
 //! A file is found by the BRDF's content hash and the setup's id (version, lights, shape), and holds, little-endian:
 //! the magic `VERNISC1`, its own key (u32 length, UTF-8), the payload, and the SHA-256 of all that precedes. Operators have the magic
-//! `VERNISC2` and end in a CRC-32: every use of a learned metric reads these 40 MB, and their SHA-256 took a third of the time. Older
-//! operators, which end in a SHA-256, are still read. A file that is truncated, damaged, of another key or of another format is never
+//! `VERNISC2` and end in a CRC-32: where no features are kept, a learned metric reads these 40 MB, and their SHA-256 took a third of the
+//! time. Older operators, which end in a SHA-256, are still read. A file that is truncated, damaged, of another key or of another format is never
 //! trusted: its content is computed again and the file replaced. Writing goes to a temporary name and is renamed, so that a reader never
 //! sees half a file. A folder that cannot be written costs time, not results: the failure comes back as a [`CacheWarning`].
 

@@ -55,9 +55,9 @@ const HEAD: usize = 12;
 /// Bytes read at a time where they are not kept: whole cells of either table, and little enough for a processor's cache.
 const PART: usize = 12 << 14;
 
-/// Reads a file whose size is known beforehand without keeping its bytes. `begin` sees the first [`HEAD`] bytes and the size of the file,
-/// and refuses before the rest is read, a wrong file may be of any size, or begins; `take` sees what follows them, [`PART`] bytes at a
-/// time. Comes back with the number of bytes that there were: fewer than the size where the file has shrunk since.
+/// Reads a file whose size is known beforehand without keeping its bytes. `begin` sees the first [`HEAD`] bytes and the size of the file.
+/// It may refuse before the rest is read: a wrong file may be of any size. `take` sees what follows, [`PART`] bytes at a time. Returns the
+/// number of bytes that there were: fewer than the size where the file has shrunk since.
 ///
 /// Files are read, not mapped: a mapped file that another process shortens ends this one without a message.
 fn read_in_parts<S>(

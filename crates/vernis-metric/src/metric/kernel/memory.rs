@@ -32,7 +32,8 @@ impl Buffer {
         Self(memory)
     }
 
-    pub fn push(&mut self, lanes: impl Iterator<Item = Lanes>) {
+    /// Adds entries at the end.
+    pub fn extend(&mut self, lanes: impl Iterator<Item = Lanes>) {
         self.0.extend(lanes);
     }
 }

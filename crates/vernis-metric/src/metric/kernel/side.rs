@@ -68,10 +68,10 @@ impl Field {
             difference.entries.push(entry);
             match (a, b) {
                 (Some(a), Some(b)) => {
-                    difference.data.push(a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| a[k] - b[k])));
+                    difference.data.extend(a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| a[k] - b[k])));
                 }
-                (Some(a), None) => difference.data.push(a.iter().copied()),
-                (None, b) => difference.data.push(b.unwrap_or_default().iter().map(|b| b.map(|b| -b))),
+                (Some(a), None) => difference.data.extend(a.iter().copied()),
+                (None, b) => difference.data.extend(b.unwrap_or_default().iter().map(|b| b.map(|b| -b))),
             }
         }
         difference

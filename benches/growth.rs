@@ -134,9 +134,10 @@ fn materials() -> Result<()> {
     let whole = TrainingSet::whole(&samples);
     let groups: Vec<&str> =
         study.pairs.iter().map(|pair| pair.group.as_str()).collect::<BTreeSet<_>>().into_iter().collect();
-    for (what, trainer) in
-        [("vernis-loss", &recipe::distance() as &dyn vernis::train::Trainer), ("vernis", &recipe::metric())]
-    {
+    for (what, trainer) in [
+        ("vernis-loss", &recipe::distance() as &dyn vernis::train::Trainer),
+        ("vernis", &recipe::metric(&recipe::distance())),
+    ] {
         let mut sizes = Vec::new();
         for share in [4, 2, 1] {
             let taken: BTreeSet<&str> = groups.iter().copied().take(groups.len() / share).collect();

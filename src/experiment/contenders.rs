@@ -14,6 +14,7 @@ use crate::train::embedding_folds::{EmbeddedFolds, EmbeddingError, Learner};
 use crate::train::kernel::KernelRidge;
 use crate::train::linear::ElasticNet;
 use crate::train::lp_baseline::{BestOf, Criterion};
+use crate::train::neural::SaturatedDistance;
 use crate::train::svr::SupportVectors;
 use crate::train::trivial::MeanOf;
 use crate::train::{Trainer, recipe};
@@ -52,6 +53,8 @@ pub struct StudyBenchmark {
     pub interval: Option<Interval>,
     /// The same of the metric to fit with.
     pub loss_interval: Option<Interval>,
+    /// The metric to fit with, and what it learned in the folds.
+    pub distance: SaturatedDistance,
     bench: Bench,
     /// The columns of [`crate::samples::extraction`].
     samples: Samples,
@@ -78,7 +81,7 @@ pub struct RunInfo<'a> {
 /// The names of the metrics that take part beside `classical` ones.
 pub(super) fn names(classical: &[Arc<dyn Metric>]) -> Vec<String> {
     let parts = parts().into_iter().map(|(trainer, _, _)| trainer.name().to_owned());
-    let variants = recipe::variants().into_iter().map(|(trainer, _)| trainer.name().to_owned());
+    let variants = recipe::variants(&recipe::distance()).into_iter().map(|(trainer, _)| trainer.name().to_owned());
     let parts = parts.chain(variants).chain([recipe::LOSS_NAME.to_owned(), WITH_NETWORKS.to_owned()]);
     let best = [Criterion::Plcc, Criterion::Srocc].map(|criterion| BestOf { columns: Vec::new(), criterion });
     let means = [MeanOf::Method, MeanOf::MethodAndMaterialType].map(|means| means.name().to_owned());
@@ -103,8 +106,9 @@ pub fn measure(
     let graphs = samples.select_columns(|c| GRAPH_FAMILIES.contains(&c.family.as_str()));
     let mut bench = Bench::new(protocol.clone(), &samples)?;
     let mut left_out = plan.left_out.clone();
-    let variants = if info.variants { recipe::variants() } else { Vec::new() };
-    let (parts, metrics) = (parts(), metrics());
+    let distance = recipe::distance();
+    let variants = if info.variants { recipe::variants(&distance) } else { Vec::new() };
+    let (parts, metrics) = (parts(), metrics(&distance));
     let best = BestOf { columns: LpVariant::of_study().map(|v| v.to_string()).collect(), criterion: Criterion::Plcc };
     let external = info.external.map(|scores| scores.samples(study)).transpose()?;
     let of_file = || info.external.iter().zip(&external).flat_map(|(scores, samples)| scores.contenders(samples));
@@ -124,7 +128,7 @@ pub fn measure(
     let mut keep = |what: &str, error: EvaluationError| left_out.push(format!("{what} is left out: {error}."));
     // As many members of the same kind as are exported.
     let judged = [recipe::NAME, recipe::LOSS_NAME].into_iter().any(|name| bench.has(name));
-    let spreads = judged.then(|| bench.spreads(&recipe::member(), &taken, recipe::MEMBERS)).transpose();
+    let spreads = judged.then(|| bench.spreads(&recipe::member(&distance), &taken, recipe::MEMBERS)).transpose();
     let mut of_metric = |name: &str| match &spreads {
         Ok(Some(spreads)) if bench.has(name) => match bench.intervals(name, spreads) {
             Ok(found) => Some(found),
@@ -221,7 +225,7 @@ pub fn measure(
     let by_one_camera = |c: &Column| plain(&c.name).is_some_and(|(_, cameras)| cameras == Cameras::Same);
     let images = info.further.map(|(_, distances)| distances.select_columns(by_one_camera));
     let images = images.filter(|distances| !distances.columns().is_empty());
-    Ok(StudyBenchmark { record, interval, loss_interval, bench, samples, images })
+    Ok(StudyBenchmark { record, interval, loss_interval, distance, bench, samples, images })
 }
 
 impl StudyBenchmark {
@@ -333,14 +337,14 @@ const WITH_NETWORKS: &str = "vernis-and-networks";
 const NETWORKS: &str = "neural-network";
 
 /// The exported metrics, each with a note.
-fn metrics() -> Vec<(Box<dyn Trainer>, &'static str)> {
+fn metrics(distance: &SaturatedDistance) -> Vec<(Box<dyn Trainer>, &'static str)> {
     vec![
         (
-            Box::new(recipe::distance()),
+            Box::new(distance.clone()),
             "exported to fit with: a true metric, a saturated city-block distance of 60 differences",
         ),
         (
-            Box::new(recipe::metric()),
+            Box::new(recipe::metric(distance)),
             "exported: the distance of vernis-loss and a landmark kernel on what it leaves over",
         ),
     ]

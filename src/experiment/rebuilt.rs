@@ -222,7 +222,7 @@ pub fn rebuilt(
     if families.is_empty() {
         return Err(ExperimentError::NoWay { study: study.name.clone() });
     }
-    let job = Job { study, options, setup: Setup::standard(), trainer: recipe::metric(), progress };
+    let job = Job { study, options, setup: Setup::standard(), trainer: recipe::metric(&recipe::distance()), progress };
     let verdicts = |families: &[Vec<&Way>]| -> Result<Vec<Verdict>, ExperimentError> {
         Ok(families.iter().map(|ways| job.verdicts(ways)).collect::<Result<Vec<_>, _>>()?.concat())
     };

@@ -384,7 +384,12 @@ impl Measurement {
     pub fn export(&self, name: Option<&str>, progress: Observer<'_>) -> Result<ExportedMetric, ExperimentError> {
         progress("final metric", Progress::BEGUN);
         let default = metric_name(&self.study);
-        self.exported(recipe::NAME, &recipe::metric(), name.unwrap_or(&default), self.bench.interval)
+        self.exported(
+            recipe::NAME,
+            &recipe::metric(&self.bench.distance),
+            name.unwrap_or(&default),
+            self.bench.interval,
+        )
     }
 
     /// Trains the distance that the metric begins with on every row, as a metric of its own: `vernis-loss` for the open study, else
@@ -396,7 +401,7 @@ impl Measurement {
         progress("metric to fit with", Progress::BEGUN);
         let default = metric_name(&self.study);
         let name = loss_name(name.unwrap_or(&default));
-        self.exported(recipe::LOSS_NAME, &recipe::distance(), &name, self.bench.loss_interval)
+        self.exported(recipe::LOSS_NAME, &self.bench.distance, &name, self.bench.loss_interval)
     }
 
     fn exported(
@@ -412,7 +417,8 @@ impl Measurement {
             ExperimentError::NotMeasured { metric, reason }
         })?;
         let model = trainer.train(&self.training, self.seed)?;
-        let members = bootstrap_members(&recipe::member(), &self.training, recipe::MEMBERS, self.seed)?;
+        let members =
+            bootstrap_members(&recipe::member(&self.bench.distance), &self.training, recipe::MEMBERS, self.seed)?;
         let record = &self.record;
         let (command, agreement) = (record.command.clone(), reached(record, metric));
         let export = Export {

@@ -100,7 +100,8 @@ pub fn versions(
 
     let ratings = Ratings::of(first.rows());
     let resamples = bootstrap::draw(&ratings, options.resamples, options.seed)?;
-    let (first_recipe, second_recipe, distance) = (recipe::first(), recipe::metric(), recipe::distance());
+    let (first_recipe, distance) = (recipe::first(), recipe::distance());
+    let second_recipe = recipe::metric(&distance);
     let mut agreement = Vec::new();
     for split in SPLITS {
         let folds = |samples: &Samples| -> Result<Vec<Fold>, ExperimentError> {

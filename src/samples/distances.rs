@@ -3,13 +3,14 @@
 //! Metrics that share work are computed together ([`PreparedMetrics`]): the 36 Lp distances by one pass, all metrics on one grid
 //! from the same tables. What a group gives for a pair is kept in the cache under the contents of both BRDFs and the
 //! [`identity`](Metric::identity) of each of its metrics, which holds their versions. Memory: what the metrics take for one
-//! reference and one candidate.
+//! reference and the candidates that are measured together.
 
 use super::extraction::ExtractionError;
+use std::slice;
 use std::sync::Arc;
 use vernis_metric::brdf::{ContentHash, IdentifiedBrdf};
 use vernis_metric::descriptor::{Cache, CacheWarning, Column, Role};
-use vernis_metric::metric::{Metric, MetricError, PreparedMetrics, groups};
+use vernis_metric::metric::{Measured, Metric, MetricError, PreparedMetrics, groups};
 
 /// One column a metric, with the metric's own name and family.
 pub fn columns(metrics: &[Arc<dyn Metric>]) -> Vec<Column> {
@@ -78,50 +79,69 @@ impl<'a> PairDistances<'a> {
     ) -> Result<Vec<f64>, ExtractionError> {
         let mut distances = vec![0.0; self.count];
         for group in &mut self.groups {
-            let found = of_group(group, self.reference, candidate, self.cache, warnings)?;
+            let found = of_group(group, self.reference, slice::from_ref(candidate), self.cache, warnings)?.concat();
             group.places.iter().zip(found).for_each(|(&place, value)| distances[place] = value);
         }
         Ok(distances)
     }
 
-    /// The distances to one candidate.
+    /// The distances to each of `candidates`.
     pub fn to(
         &mut self,
-        candidate: &IdentifiedBrdf,
+        candidates: &[IdentifiedBrdf],
         warnings: &mut Vec<CacheWarning>,
-    ) -> Result<Values, ExtractionError> {
-        let (mut distances, mut swapped) = (vec![0.0; self.count], vec![0.0; self.count]);
+    ) -> Result<Vec<Values>, ExtractionError> {
+        let nothing = || Values { distances: vec![0.0; self.count], swapped: vec![0.0; self.count] };
+        let mut values: Vec<Values> = candidates.iter().map(|_| nothing()).collect();
         for group in &mut self.groups {
-            let forth = of_group(group, self.reference, candidate, self.cache, warnings)?;
-            let back = match group.symmetric {
-                true => forth.clone(),
-                false => exchanged(group, self.reference, candidate, self.cache, warnings)?,
-            };
-            for ((&place, forth), back) in group.places.iter().zip(forth).zip(back) {
-                (distances[place], swapped[place]) = (forth, back);
+            let found = of_group(group, self.reference, candidates, self.cache, warnings)?;
+            for ((values, forth), candidate) in values.iter_mut().zip(found).zip(candidates) {
+                let back = match group.symmetric {
+                    true => forth.clone(),
+                    false => exchanged(group, self.reference, candidate, self.cache, warnings)?,
+                };
+                for ((&place, forth), back) in group.places.iter().zip(forth).zip(back) {
+                    (values.distances[place], values.swapped[place]) = (forth, back);
+                }
             }
         }
-        Ok(Values { distances, swapped })
+        Ok(values)
     }
 }
 
+/// What the cache has, and the rest in one pass.
 fn of_group(
     group: &mut Group,
     reference: &IdentifiedBrdf,
-    candidate: &IdentifiedBrdf,
+    candidates: &[IdentifiedBrdf],
     cache: Option<&Cache>,
     warnings: &mut Vec<CacheWarning>,
-) -> Result<Vec<f64>, ExtractionError> {
-    let key = group.key(reference.content, candidate.content);
-    if let Some(kept) = cache.and_then(|c| c.load_values(&key)).filter(|kept| kept.len() == group.places.len()) {
-        return Ok(kept);
-    }
-    let failed = |source: MetricError| ExtractionError::distance(reference, candidate, source);
+) -> Result<Vec<Vec<f64>>, ExtractionError> {
+    let keys: Vec<String> = candidates.iter().map(|c| group.key(reference.content, c.content)).collect();
+    let load = |key: &String| cache?.load_values(key).filter(|kept| kept.len() == group.places.len());
+    let mut found: Vec<Option<Vec<f64>>> = keys.iter().map(load).collect();
+    let missing: Vec<usize> = (0..candidates.len()).filter(|&k| found[k].is_none()).collect();
+    let Some(&first) = missing.first() else { return Ok(found.into_iter().flatten().collect()) };
+    let failed = |k: usize| {
+        let candidate = &candidates[k];
+        move |source: MetricError| ExtractionError::distance(reference, candidate, source)
+    };
     let prepared = match &mut group.prepared {
         Some(prepared) => prepared,
-        none => none.insert(PreparedMetrics::new(&group.metrics, reference.brdf()?).map_err(failed)?),
+        none => none.insert(PreparedMetrics::new(&group.metrics, reference.brdf()?).map_err(failed(first))?),
     };
-    keep(prepared, candidate, &key, cache, warnings, &failed)
+    let brdfs = missing.iter().map(|&k| candidates[k].brdf()).collect::<Result<Vec<_>, _>>();
+    let together = brdfs.ok().and_then(|brdfs| prepared.measure_all(&brdfs).ok());
+    // Where one of them fails, one after the other, so that those before it are kept and it is named.
+    let mut together = together.map(Vec::into_iter);
+    for k in missing {
+        let measured = match together.as_mut().and_then(Iterator::next) {
+            Some(measured) => measured,
+            None => prepared.measure(candidates[k].brdf()?).map_err(failed(k))?,
+        };
+        found[k] = Some(keep(measured, &keys[k], cache, warnings));
+    }
+    Ok(found.into_iter().flatten().collect())
 }
 
 /// With the candidate as the reference, which no other pair has: nothing is kept for the next.
@@ -138,19 +158,12 @@ fn exchanged(
     }
     let failed = |source: MetricError| ExtractionError::distance(candidate, reference, source);
     let prepared = PreparedMetrics::new(&group.metrics, candidate.brdf()?).map_err(failed)?;
-    keep(&prepared, reference, &key, cache, warnings, &failed)
+    let measured = prepared.measure(reference.brdf()?).map_err(failed)?;
+    Ok(keep(measured, &key, cache, warnings))
 }
 
-fn keep(
-    prepared: &PreparedMetrics,
-    candidate: &IdentifiedBrdf,
-    key: &str,
-    cache: Option<&Cache>,
-    warnings: &mut Vec<CacheWarning>,
-    failed: &dyn Fn(MetricError) -> ExtractionError,
-) -> Result<Vec<f64>, ExtractionError> {
-    let measured = prepared.measure(candidate.brdf()?).map_err(failed)?;
+fn keep(measured: Vec<Measured>, key: &str, cache: Option<&Cache>, warnings: &mut Vec<CacheWarning>) -> Vec<f64> {
     let values: Vec<f64> = measured.into_iter().map(|m| m.value).collect();
     warnings.extend(cache.and_then(|c| c.store_values(key, &values).err()));
-    Ok(values)
+    values
 }

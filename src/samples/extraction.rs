@@ -1,9 +1,9 @@
 //! A study becomes a matrix: one row a rated pair, one column a descriptor or a classical distance.
 //!
 //! The pairs of one reference are done together by one worker, which reads the reference once and one candidate after the
-//! other. Everything is cached by the content of the BRDFs: an interrupted run loses the pair in hand, and a table that the
-//! cache knows is read, for its content, but not decoded. Memory: at most a reference and a candidate a worker thread, 250 MB
-//! where they are tables, and 2 kB a pair.
+//! other; models and networks, which are small, eight at a time. Everything is cached by the content of the BRDFs: an
+//! interrupted run loses the pairs in hand, and a table that the cache knows is read, for its content, but not decoded. Memory: at most
+//! a reference and a candidate a worker thread, 250 MB where they are tables, and 2 kB a pair.
 
 use super::distances::{self, PairDistances};
 use super::{Samples, SamplesError};
@@ -20,6 +20,9 @@ use vernis_metric::descriptor::{Cache, CacheWarning, DescriptorError, Descriptor
 use vernis_metric::io::Progress;
 use vernis_metric::light::NodeTable;
 use vernis_metric::metric::{Metric, MetricError};
+
+/// Models and networks that are compared with their reference in one pass.
+const TOGETHER: usize = 8;
 
 /// Why a study could not be turned into numbers.
 #[derive(Debug, Error)]
@@ -147,18 +150,34 @@ impl Extractor<'_> {
         let (features, warning) = features_of(&reference, self.setup, self.cache)?;
         let mut distances = PairDistances::new(self.metrics, &reference, self.cache);
         let mut rows = Vec::with_capacity(indices.len());
-        for &index in indices {
-            let candidate = study.pairs[index].candidate.identify(self.base)?;
-            let (of_candidate, warning) = features_of(&candidate, self.setup, self.cache)?;
-            let mut warnings: Vec<CacheWarning> = warning.into_iter().collect();
-            let mut values = self.set.compare(&features, &of_candidate, self.setup);
-            let mut swapped = self.set.compare(&of_candidate, &features, self.setup);
-            let of_metrics = distances.to(&candidate, &mut warnings)?;
-            values.extend(of_metrics.distances);
-            swapped.extend(of_metrics.swapped);
-            let contents = [reference.content, candidate.content];
-            rows.push(PairRow { values, swapped, contents, candidate: of_candidate.table().clone(), warnings });
-            step();
+        let mut left = indices.iter();
+        loop {
+            // No more than one table at a time.
+            let mut candidates: Vec<IdentifiedBrdf> = Vec::new();
+            while candidates.len() < TOGETHER && candidates.last().is_none_or(IdentifiedBrdf::is_open) {
+                let Some(&index) = left.next() else { break };
+                candidates.push(study.pairs[index].candidate.identify(self.base)?);
+            }
+            if candidates.is_empty() {
+                break;
+            }
+            let mut warnings = Vec::new();
+            let mut of_candidates = Vec::with_capacity(candidates.len());
+            for candidate in &candidates {
+                let (of_candidate, warning) = features_of(candidate, self.setup, self.cache)?;
+                warnings.extend(warning);
+                of_candidates.push(of_candidate);
+            }
+            let of_metrics = distances.to(&candidates, &mut warnings)?;
+            for ((candidate, of_candidate), of_metrics) in candidates.iter().zip(of_candidates).zip(of_metrics) {
+                let mut values = self.set.compare(&features, &of_candidate, self.setup);
+                let mut swapped = self.set.compare(&of_candidate, &features, self.setup);
+                values.extend(of_metrics.distances);
+                swapped.extend(of_metrics.swapped);
+                let (contents, candidate) = ([reference.content, candidate.content], of_candidate.table().clone());
+                rows.push(PairRow { values, swapped, contents, candidate, warnings: std::mem::take(&mut warnings) });
+                step();
+            }
         }
         Ok(ReferenceRows { reference: features.table().clone(), warning, rows })
     }

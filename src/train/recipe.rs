@@ -7,7 +7,7 @@
 
 use super::ensemble::Average;
 use super::kernel::KernelRidge;
-use super::neural::{NeuralNetwork, SaturatedDistance};
+use super::neural::{Known, NeuralNetwork, SaturatedDistance};
 use super::residual::{ResidualKernel, TripletTask};
 use super::{Predictor, TrainError, Trainer};
 use crate::samples::split::TrainingSet;
@@ -159,16 +159,17 @@ pub fn network() -> Exchanged<NeuralNetwork> {
     Exchanged { name: "neural-network".to_owned(), trainer, weight: EXCHANGED_WEIGHT }
 }
 
-/// The metric to fit with.
+/// The metric to fit with. What is made of one distance shares what it has learned.
 pub fn distance() -> SaturatedDistance {
-    SaturatedDistance { name: LOSS_NAME.to_owned(), columns: distance_columns, triplets: DISTANCE_TRIPLETS }
+    let (name, triplets) = (LOSS_NAME.to_owned(), DISTANCE_TRIPLETS);
+    SaturatedDistance { name, columns: distance_columns, triplets, known: Known::default() }
 }
 
 /// The metric: the distance, and a kernel on what it leaves over.
-pub fn metric() -> ResidualKernel {
+pub fn metric(distance: &SaturatedDistance) -> ResidualKernel {
     ResidualKernel {
         name: NAME.to_owned(),
-        mean: Some(distance()),
+        mean: Some(distance.clone()),
         keep: uses,
         kernel: KERNEL,
         ridge: RIDGE,
@@ -182,14 +183,14 @@ pub fn metric() -> ResidualKernel {
 /// One member: a single distance, which learns from ratings alone, for the spread is to tell how much a prediction depends on which
 /// materials happened to be rated. Landmark weights are linear in the ratings, so those of a few resampled kernel models
 /// together would give the ratings back; sixty weights that are not negative do not.
-pub fn member() -> SaturatedDistance {
-    SaturatedDistance { name: "member".to_owned(), triplets: 0, ..distance() }
+pub fn member(distance: &SaturatedDistance) -> SaturatedDistance {
+    SaturatedDistance { name: "member".to_owned(), triplets: 0, ..distance.clone() }
 }
 
 /// The metric with one part changed, and what it shows: what each part is worth.
-pub fn variants() -> Vec<(Box<dyn Trainer>, &'static str)> {
-    let named = |name: &str| ResidualKernel { name: name.to_owned(), ..metric() };
-    let without_triplets = SaturatedDistance { triplets: 0, ..distance() };
+pub fn variants(distance: &SaturatedDistance) -> Vec<(Box<dyn Trainer>, &'static str)> {
+    let named = |name: &str| ResidualKernel { name: name.to_owned(), ..metric(distance) };
+    let without_triplets = SaturatedDistance { triplets: 0, ..distance.clone() };
     vec![
         (
             Box::new(ResidualKernel { mean: None, ..named("vernis-kernel-alone") }),

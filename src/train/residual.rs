@@ -288,6 +288,7 @@ mod tests {
     use crate::dataset::Row;
     use crate::samples::Samples;
     use crate::samples::triplets::TripletSamples;
+    use crate::train::neural::Known;
     use rand::Rng;
     use vernis_metric::descriptor::Role;
     use vernis_metric::math::cholesky::dot;
@@ -343,7 +344,7 @@ mod tests {
 
     fn distance() -> SaturatedDistance {
         let columns = |all: &[Column]| (0..all.len()).filter(|&c| all[c].role == Role::Difference).collect();
-        SaturatedDistance { name: "distance".into(), columns, triplets: 0 }
+        SaturatedDistance { name: "distance".into(), columns, triplets: 0, known: Known::default() }
     }
 
     #[test]

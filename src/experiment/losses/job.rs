@@ -119,7 +119,8 @@ pub fn losses(study: &Study, options: &LossesOptions, progress: Observer<'_>) ->
     let data = options.data.as_deref();
     let (of_first, first_setup) = versions::of_first(study, data, cache, progress)?;
     let (rows, setup, _) = versions::of_second(study, data, cache, progress)?;
-    let (first, metric, distance) = (recipe::first(), recipe::metric(), recipe::distance());
+    let (first, distance) = (recipe::first(), recipe::distance());
+    let metric = recipe::metric(&distance);
     let lesson = |role, trainer| Lesson {
         role,
         samples: rows.clone(),

@@ -4,7 +4,7 @@
 use super::curves::{Curves, Learning};
 use super::image_metrics;
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, legend, observed, round_step, shown};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, drawn, legend, observed, round_step, shown, task};
 use crate::evaluation::agreement::Figure as AgreementFigure;
 use crate::evaluation::bootstrap::{Difference, Interval};
 use crate::evaluation::records::{
@@ -29,7 +29,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
             "Mean opinion score predicted by {subject} for materials that it has not seen, against that of the raters; \
              on the diagonal they agree. {rows}. One mark per rated pair, by approximation method."
         );
-        figures.push(figure("scatter", caption, &scatter)?);
+        figures.push(task("scatter", caption, scatter));
     }
     for (name, bars, caption) in [
         (
@@ -61,7 +61,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
                 "{caption}. {rows}. Pearson correlation after the logistic map (no border) and Spearman correlation (black \
                  border), with 95 % intervals of a bootstrap by material."
             );
-            figures.push(figure(name, caption, &bars)?);
+            figures.push(task(name, caption, bars));
         }
     }
     let importance = importance(record);
@@ -72,7 +72,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
              descriptors that cost most.",
             record.retrained
         );
-        figures.push(figure("importance", caption, &importance)?);
+        figures.push(task("importance", caption, importance));
     }
     if let Some(learning) = Learning::of(record) {
         let caption = format!(
@@ -80,7 +80,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
              correlation (black border), with 95 % intervals of a bootstrap by material. {rows}.",
             record.retrained
         );
-        figures.push(figure("learning", caption, &learning)?);
+        figures.push(task("learning", caption, learning));
     }
     for (name, curves) in [("curves", Curves::of_brdfs(record)), ("image-curves", Curves::of_pictures(record))] {
         let Some(curves) = curves else { continue };
@@ -91,7 +91,7 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
             metrics.join(", "),
             counted(record.rows, "rated pair")
         );
-        figures.push(figure(name, caption, &curves)?);
+        figures.push(task(name, caption, curves));
     }
     let strips = Strips::of(record);
     if !strips.materials.is_empty() {
@@ -99,9 +99,9 @@ pub fn all(record: &BenchmarkRecord) -> Result<Vec<Figure>, ReportError> {
             "Errors of {subject}, predicted minus rated MOS, on the materials where they are largest. {rows}. One mark per rated \
              pair, by approximation method; right of zero the metric predicts too high a number."
         );
-        figures.push(figure("residuals", caption, &strips)?);
+        figures.push(task("residuals", caption, strips));
     }
-    Ok(figures)
+    drawn(figures)
 }
 
 /// Which rows bars and marks are of, as a sentence without its end.

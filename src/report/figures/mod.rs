@@ -11,6 +11,7 @@ pub mod study;
 use super::{Figure, ReportError};
 use marks::{Anchor, Canvas, Drawn, FAINT, INK, Picture};
 use plotters::prelude::DrawingBackend;
+use rayon::prelude::*;
 use vernis_metric::math::rating_scale::RatingScale;
 
 const WIDTH: u32 = 900;
@@ -23,6 +24,18 @@ fn figure(name: &'static str, caption: String, picture: &impl Picture) -> Result
     let failed = |reason| ReportError::Figure { figure: name, reason };
     let (svg, png) = (marks::svg(picture).map_err(failed)?, marks::png(picture, PNG_SCALE).map_err(failed)?);
     Ok(Figure { name, caption, svg, png })
+}
+
+/// A figure that is still to be drawn.
+type Task<'a> = Box<dyn FnOnce() -> Result<Figure, ReportError> + Send + 'a>;
+
+fn task<'a>(name: &'static str, caption: String, picture: impl Picture + Send + 'a) -> Task<'a> {
+    Box::new(move || figure(name, caption, &picture))
+}
+
+/// The figures of `tasks`, in their order. Most of the time goes into compressing PNG files.
+fn drawn(tasks: Vec<Task<'_>>) -> Result<Vec<Figure>, ReportError> {
+    tasks.into_par_iter().map(|task| task()).collect()
 }
 
 /// A linear axis from data to pixels.

@@ -1,7 +1,7 @@
 //! The figures of a study's ratings: how much was rated, box plots of mean opinion scores, one illumination against the other.
 
 use super::marks::{self, Anchor, BLUE, Canvas, Drawn, FAINT, INK, ORANGE, Picture};
-use super::{Axis, Square, TEXT, TITLE, WIDTH, figure, observed, round_step, scored, shown};
+use super::{Axis, Square, TEXT, TITLE, WIDTH, drawn, observed, round_step, scored, shown, task};
 use crate::panel::record::{BoxSet, ManifoldCorrelation, NamedBox, StudyRecord};
 use crate::panel::{BY_MODEL, BY_MODEL_AND_TYPE, BoxPlot};
 use crate::report::study::manifold;
@@ -58,14 +58,14 @@ pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
     let counts = Counts::of(record);
     if !counts.rows.is_empty() {
         let caption = "Number of materials on which each approximation method was rated.".to_owned();
-        figures.push(figure("methods", caption, &counts)?);
+        figures.push(task("methods", caption, counts));
     }
     for (name, title, caption) in BOXES {
         let Some(set) = record.boxes.iter().find(|set| set.title == title) else { continue };
         let mut words = boxed(caption);
         words.extend(set.note.iter().map(|note| format!(" {note}.")));
         words.extend(correlation(record, name).map(|found| format!(" {}.", manifold(found))));
-        figures.push(figure(name, words, &Boxes::of(record, set, Of::Mos))?);
+        figures.push(task(name, words, Boxes::of(record, set, Of::Mos)));
         let widths = match name {
             "mos-by-type" => ("interval-widths", "mean opinion scores by type of material"),
             "mos-of-references-by-type" => {
@@ -75,7 +75,7 @@ pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
         };
         if set.boxes.iter().any(|b| b.interval_width.is_some()) {
             let caption = boxed(&format!("Widths of the 95 % intervals of the {}", widths.1));
-            figures.push(figure(widths.0, caption, &Boxes::of(record, set, Of::IntervalWidth))?);
+            figures.push(task(widths.0, caption, Boxes::of(record, set, Of::IntervalWidth)));
         }
     }
     if let Some(lights) = Lights::of(record) {
@@ -84,9 +84,9 @@ pub fn all(record: &StudyRecord) -> Result<Vec<Figure>, ReportError> {
              illumination makes no difference. One mark per approximation, by method.",
             lights.names[1], lights.names[0]
         );
-        figures.push(figure("illuminations", caption, &lights)?);
+        figures.push(task("illuminations", caption, lights));
     }
-    Ok(figures)
+    drawn(figures)
 }
 
 /// What of the ratings cannot be drawn, and why: one sentence a figure.

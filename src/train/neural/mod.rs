@@ -12,4 +12,4 @@ pub mod saturated;
 pub use autoencoder::{Autoencoder, Encoder};
 pub use network::LEAK;
 pub use regression::NeuralNetwork;
-pub use saturated::SaturatedDistance;
+pub use saturated::{Known, SaturatedDistance};

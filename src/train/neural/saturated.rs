@@ -15,13 +15,17 @@
 //!
 //! Full-batch Adam (Kingma & Ba 2015) with a cosine schedule; after each step negative weights are set to 0, so that many end there.
 //! The tensors give the gradient; the parameters, some seventy, stay on this side. Cost: 200 passes over the rows and the triplets,
-//! a third of a second for 430 rows and 3,000 triplets.
+//! a third of a second for 430 rows and 3,000 triplets. Metrics that begin with the same distance, and members that are asked for
+//! twice, are trained once ([`Known`]).
 
 use super::network::{cosine_rate, device, read, tensor};
 use crate::samples::split::TrainingSet;
 use crate::train::{LEAST_ROWS, Predictor, TrainError, Trainer, check_set};
 use burn::tensor::{Device, Tensor};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+use vernis_metric::brdf::ContentHash;
 use vernis_metric::descriptor::{Column, Role};
 use vernis_metric::metric::learned::{Function, Input, Regressor, Standardizer, Term};
 
@@ -47,6 +51,46 @@ pub struct SaturatedDistance {
     pub columns: fn(&[Column]) -> Vec<usize>,
     /// Judged triplets that it learns from at most.
     pub triplets: usize,
+    /// What this trainer and its clones have learned.
+    pub known: Known,
+}
+
+/// What trainers learned, by the numbers that they learned it from: the same numbers give the same weights. Clones share it. Memory: a
+/// kilobyte a training.
+#[derive(Clone, Default)]
+pub struct Known(Arc<Mutex<BTreeMap<ContentHash, Vec<f64>>>>);
+
+impl fmt::Debug for Known {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Known({})", self.0.lock().unwrap_or_else(PoisonError::into_inner).len())
+    }
+}
+
+impl Known {
+    /// What was learned from `numbers`, by `learn` the first time. Two threads that ask at once both learn, and find the same.
+    fn or_learn(&self, numbers: ContentHash, learn: impl FnOnce() -> Vec<f64>) -> Vec<f64> {
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = known().get(&numbers).cloned();
+        found.unwrap_or_else(|| {
+            let learned = learn();
+            known().insert(numbers, learned.clone());
+            learned
+        })
+    }
+}
+
+/// The numbers of one training.
+struct Numbers {
+    features: usize,
+    rows: usize,
+    families: usize,
+    triplets: usize,
+    /// As [`Table`] has them, row by row.
+    magnitudes: Vec<f32>,
+    target: Vec<f32>,
+    weight: Vec<f32>,
+    family: Vec<f32>,
+    votes: [Vec<f32>; 2],
 }
 
 /// The numbers of one training, as the tensors take them.
@@ -94,20 +138,10 @@ impl SaturatedDistance {
         if features.is_empty() {
             return Err(TrainError::NoDifference { trainer: self.name.clone() });
         }
-        let device = device();
-        let (table, families) = self.table(set, &features, seed, &device);
-        let mut parameters = Parameters {
-            values: vec![START / features.len() as f64; features.len()],
-            weights: features.len(),
-            families,
-        };
-        parameters.values.resize(features.len() + families + 1, 0.0);
-        let mut adam = Adam::new(parameters.values.len());
-        for step in 0..STEPS {
-            let gradient = table.gradient(&parameters, &device);
-            adam.step(&mut parameters.values, &gradient, cosine_rate(RATE, step, STEPS));
-            parameters.values[..features.len()].iter_mut().for_each(|v| *v = v.max(0.0));
-        }
+        let numbers = self.numbers(set, &features, seed);
+        let (weights, families) = (features.len(), numbers.families);
+        let values = self.known.or_learn(numbers.hash(), || numbers.learned());
+        let parameters = Parameters { values, weights, families };
         if parameters.values.iter().any(|v| !v.is_finite()) {
             return Err(TrainError::Diverged { trainer: self.name.clone(), what: "a weight", epochs: STEPS });
         }
@@ -128,14 +162,12 @@ impl SaturatedDistance {
         Ok(regressor)
     }
 
-    fn table(&self, set: &TrainingSet, features: &[(usize, f64)], seed: u64, device: &Device) -> (Table, usize) {
-        let rows = set.rows().len();
+    fn numbers(&self, set: &TrainingSet, features: &[(usize, f64)], seed: u64) -> Numbers {
         let mut magnitudes = Vec::new();
         for row in set.features().outer_iter() {
             magnitudes.extend(features.iter().map(|&(column, scale)| (row[column].abs() / scale) as f32));
         }
         let drawn = set.triplets().map(|all| (all, all.drawn(self.triplets, seed, "distance-triplets")));
-        let triplets = drawn.as_ref().map_or(0, |(_, drawn)| drawn.len());
         let mut votes = [Vec::new(), Vec::new()];
         if let Some((all, drawn)) = &drawn {
             let total: f64 = drawn.iter().flat_map(|t| t.votes).sum();
@@ -156,20 +188,58 @@ impl SaturatedDistance {
         let family = set.rows().iter().flat_map(|row| {
             families.iter().map(|family| if **family == row.method_family { 1.0f32 } else { 0.0 }).collect::<Vec<_>>()
         });
-        let column = |values: Vec<f32>| {
-            let length = values.len();
-            tensor(values, [length, 1], device)
-        };
-        let table = Table {
-            magnitudes: tensor(magnitudes, [rows + 2 * triplets, features.len()], device),
-            rows,
-            triplets,
-            target: column(set.mos().iter().map(|mos| (mos - set.identical()) as f32).collect()),
-            weight: column(weights.iter().map(|w| (w / total) as f32).collect()),
-            family: tensor(family.collect(), [rows, families.len()], device),
-            votes: votes.map(column),
-        };
-        (table, families.len())
+        Numbers {
+            features: features.len(),
+            rows: set.rows().len(),
+            families: families.len(),
+            triplets: votes[0].len(),
+            magnitudes,
+            target: set.mos().iter().map(|mos| (mos - set.identical()) as f32).collect(),
+            weight: weights.iter().map(|w| (w / total) as f32).collect(),
+            family: family.collect(),
+            votes,
+        }
+    }
+}
+
+impl Numbers {
+    fn hash(&self) -> ContentHash {
+        let sizes = [self.features, self.rows, self.families, self.triplets].map(|size| (size as u64).to_le_bytes());
+        let [for_a, for_b] = &self.votes;
+        let parts = [&self.magnitudes, &self.target, &self.weight, &self.family, for_a, for_b];
+        let bytes = parts.into_iter().flatten().flat_map(|x| x.to_le_bytes());
+        ContentHash::of(&sizes.into_iter().flatten().chain(bytes).collect::<Vec<u8>>())
+    }
+
+    fn table(&self, device: &Device) -> Table {
+        let of = |values: &[f32], shape| tensor(values.to_vec(), shape, device);
+        let column = |values: &[f32]| of(values, [values.len(), 1]);
+        let [for_a, for_b] = &self.votes;
+        Table {
+            magnitudes: of(&self.magnitudes, [self.rows + 2 * self.triplets, self.features]),
+            rows: self.rows,
+            triplets: self.triplets,
+            target: column(&self.target),
+            weight: column(&self.weight),
+            family: of(&self.family, [self.rows, self.families]),
+            votes: [column(for_a), column(for_b)],
+        }
+    }
+
+    /// The values of the parameters after all steps.
+    fn learned(&self) -> Vec<f64> {
+        let device = device();
+        let table = self.table(&device);
+        let mut values = vec![START / self.features as f64; self.features];
+        values.resize(self.features + self.families + 1, 0.0);
+        let mut parameters = Parameters { values, weights: self.features, families: self.families };
+        let mut adam = Adam::new(parameters.values.len());
+        for step in 0..STEPS {
+            let gradient = table.gradient(&parameters, &device);
+            adam.step(&mut parameters.values, &gradient, cosine_rate(RATE, step, STEPS));
+            parameters.values[..self.features].iter_mut().for_each(|v| *v = v.max(0.0));
+        }
+        parameters.values
     }
 }
 
@@ -278,7 +348,8 @@ mod tests {
     }
 
     fn trainer() -> SaturatedDistance {
-        SaturatedDistance { name: "test".into(), columns: |all| (0..all.len()).collect(), triplets: 100 }
+        let columns = |all: &[Column]| (0..all.len()).collect();
+        SaturatedDistance { name: "test".into(), columns, triplets: 100, known: Known::default() }
     }
 
     /// The distance of people: the first two columns count.
@@ -345,7 +416,8 @@ mod tests {
         let set = TrainingSet::whole(&with_triplets(samples(40)));
         let (trainer, device) = (trainer(), device());
         let features = scales(&set, &[0, 1, 2, 3]);
-        let (table, families) = trainer.table(&set, &features, 1, &device);
+        let numbers = trainer.numbers(&set, &features, 1);
+        let (table, families) = (numbers.table(&device), numbers.families);
         let at = |values: Vec<f64>| Parameters { values, weights: COLUMNS, families };
         let values = vec![0.3, 0.2, 0.4, 0.1, 0.05, -0.1, 0.2];
         let loss = |values: &[f64]| {
@@ -366,6 +438,26 @@ mod tests {
             let numeric = (moved(0.01) - moved(-0.01)) / 0.02;
             assert!((numeric - gradient[i]).abs() < 2e-3, "{i} {numeric} {}", gradient[i]);
         }
+    }
+
+    #[test]
+    fn the_same_numbers_are_learned_from_once_and_others_again() {
+        let (trainer, set) = (trainer(), TrainingSet::whole(&samples(40)));
+        let first = trainer.fit(&set, 1).unwrap();
+        // A number that no training gives shows where an answer comes from.
+        let edit = |by: f64| {
+            for values in trainer.known.0.lock().unwrap().values_mut() {
+                values[0] += by;
+            }
+        };
+        edit(5.0);
+        let renamed = SaturatedDistance { name: "other".into(), ..trainer.clone() };
+        assert!((weights(&renamed.fit(&set, 2).unwrap())[0] / weights(&first)[0]) > 2.0);
+        let fewer = set.filter(|row| row.material != "m0");
+        let mended = |model: &Regressor| weights(model)[0] < 2.0 * weights(&first)[0];
+        assert!(mended(&trainer.fit(&fewer, 1).unwrap()) && mended(&super::tests::trainer().fit(&set, 1).unwrap()));
+        edit(-5.0);
+        assert_eq!(weights(&trainer.fit(&set, 1).unwrap())[1..], weights(&first)[1..]);
     }
 
     #[test]

@@ -91,6 +91,14 @@ pub trait PreparedShare: Send + Sync {
     /// # Errors
     /// Those of [`PreparedMetric::distance`].
     fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError>;
+
+    /// [`PreparedShare::measure`] of every candidate; a share whose candidates have work in common does it once.
+    ///
+    /// # Errors
+    /// Those of [`PreparedShare::measure`], of any of the candidates.
+    fn measure_all(&self, candidates: &[&dyn Brdf]) -> Result<Vec<Vec<Measured>>, MetricError> {
+        candidates.iter().map(|candidate| self.measure(*candidate)).collect()
+    }
 }
 
 /// The places of metrics that are prepared together, in the order of their first member; a metric that shares nothing is a group
@@ -144,15 +152,31 @@ impl PreparedMetrics {
     /// Those of [`PreparedMetric::distance`]; [`MetricError::NotFinite`], [`MetricError::NotComputed`] where a share gives fewer
     /// numbers than it has parts.
     pub fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError> {
-        let mut found: Vec<Option<Measured>> = vec![None; self.names.len()];
+        self.measure_all(&[candidate]).map(|mut found| found.swap_remove(0))
+    }
+
+    /// [`PreparedMetrics::measure`] of every candidate, each to the last bit; what they have in common is computed once. Memory: all
+    /// candidates at once.
+    ///
+    /// # Errors
+    /// Those of [`PreparedMetrics::measure`], of any of the candidates.
+    pub fn measure_all(&self, candidates: &[&dyn Brdf]) -> Result<Vec<Vec<Measured>>, MetricError> {
+        let mut found: Vec<Vec<Option<Measured>>> = vec![vec![None; self.names.len()]; candidates.len()];
         for (places, prepared) in &self.groups {
-            match prepared {
-                Prepared::Alone(metric) => found[places[0]] = Some(metric.measure(candidate)?),
-                Prepared::Together(share) => {
-                    places.iter().zip(share.measure(candidate)?).for_each(|(&place, m)| found[place] = Some(m));
+            let of_group = match prepared {
+                Prepared::Alone(metric) => {
+                    candidates.iter().map(|candidate| Ok(vec![metric.measure(*candidate)?])).collect()
                 }
+                Prepared::Together(share) => share.measure_all(candidates),
+            };
+            for (found, of_group) in found.iter_mut().zip(of_group?) {
+                places.iter().zip(of_group).for_each(|(&place, measured)| found[place] = Some(measured));
             }
         }
+        found.into_iter().map(|found| self.checked(found)).collect()
+    }
+
+    fn checked(&self, found: Vec<Option<Measured>>) -> Result<Vec<Measured>, MetricError> {
         let checked = |(found, name): (Option<Measured>, &String)| match found {
             Some(measured) => match measured.numbers().find(|number| !number.is_finite()) {
                 None => Ok(measured),

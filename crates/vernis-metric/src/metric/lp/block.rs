@@ -89,6 +89,27 @@ impl Block {
         }
         count
     }
+
+    /// Blackens the cells that are not valid.
+    pub fn blacken(&mut self, extent: Extent) {
+        for k in (0..extent.cells).filter(|&k| !self.valid[k]) {
+            self.rgb.iter_mut().for_each(|plane| plane[k] = 0.0);
+        }
+    }
+
+    /// As [`Block::mask`] with a reference that is black where it is not valid, which stays as it is; `None`, and nothing of use in this
+    /// block, where the reference has a cell that is invalid here.
+    pub fn mask_within(&mut self, reference: &Self, extent: Extent) -> Option<u64> {
+        let mut count = 0;
+        for k in 0..extent.cells {
+            match (reference.valid[k], self.valid[k]) {
+                (true, true) => count += if k < extent.doubled { 2 } else { 1 },
+                (true, false) => return None,
+                (false, _) => self.rgb.iter_mut().for_each(|plane| plane[k] = 0.0),
+            }
+        }
+        Some(count)
+    }
 }
 
 /// A BRDF at the cells of [`Grid::TITOPO`].

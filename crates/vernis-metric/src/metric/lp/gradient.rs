@@ -7,11 +7,10 @@
 //! Cost: about the pass itself once more, and the derivatives' memory, 24 bytes a node.
 
 use super::AZIMUTHS;
-use super::block::{Cells, Extent, NodeValues};
+use super::block::{Block, Cells, Extent, NodeValues};
 use super::formula::{CellFormula, Weights};
-use super::kernel::{Work, Workspace};
-use super::metric::checked_distance;
-use super::pass::Sums;
+use super::kernel::Work;
+use super::metric::{checked_distance, sums_of};
 use super::variant::LpVariant;
 use crate::math::Rgb;
 use crate::metric::{Gradient, MetricError};
@@ -25,22 +24,22 @@ pub(super) fn gradient(
     reference: &dyn Cells,
     candidate: &NodeValues,
 ) -> Result<Gradient, MetricError> {
-    let sums = Sums::over(reference, candidate, &Work::for_variants([variant]))?;
+    let sums = sums_of(reference, candidate, &Work::for_variants([variant]))?;
     let value = checked_distance(&sums, variant)?;
     let outer = variant.formula.root_slope(value) / sums.cells(variant) as f64;
     let mut derivatives = vec![[0.0; 3]; polar * polar * AZIMUTHS];
     let row = |(i, derivatives): (usize, &mut [Rgb])| -> Result<(), MetricError> {
-        let mut space = Workspace::new();
+        let (mut of_reference, mut of_candidate) = (Block::new(), Block::new());
         let mut plane = [0.0; AZIMUTHS];
         for (o, derivatives) in derivatives.chunks_exact_mut(AZIMUTHS).enumerate() {
-            reference.read(i, o, Extent::WHOLE, &mut space.reference)?;
-            candidate.read(i, o, Extent::WHOLE, &mut space.candidate)?;
+            reference.read(i, o, Extent::WHOLE, &mut of_reference)?;
+            candidate.read(i, o, Extent::WHOLE, &mut of_candidate)?;
             // Cells that the reference lacks become equal, and their slopes 0.
-            space.reference.mask(&mut space.candidate, Extent::WHOLE);
+            of_reference.mask(&mut of_candidate, Extent::WHOLE);
             let weights = Weights::at(i, o);
             let scale = outer * weights.of(variant.formula);
             for channel in 0..3 {
-                let (r, a) = (&space.reference.rgb[channel], &space.candidate.rgb[channel]);
+                let (r, a) = (&of_reference.rgb[channel], &of_candidate.rgb[channel]);
                 cell.slopes(r, a, weights.cosine, &mut plane);
                 derivatives.iter_mut().zip(&plane).for_each(|(d, slope)| d[channel] = scale * slope);
             }

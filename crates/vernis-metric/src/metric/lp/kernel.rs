@@ -104,56 +104,118 @@ type Planes = [Plane; 3];
 
 const BLACK: Planes = [[0.0; AZIMUTHS]; 3];
 
-/// Both blocks and room for what is computed from them: reused by the blocks of a row.
+/// What is computed from the reference alone, for any number of candidates: reused by the blocks of a row.
+pub(super) struct ReferenceSide {
+    /// Black where nothing is valid.
+    pub block: Block,
+    roots: Planes,
+    /// L*, a*, b* of the values and of their cube roots.
+    lab: [Planes; 2],
+    /// The study's colour coordinates, and their signed cube roots.
+    study_lab: [Planes; 2],
+}
+
+impl ReferenceSide {
+    pub fn new() -> Box<Self> {
+        Box::new(Self { block: Block::new(), roots: BLACK, lab: [BLACK; 2], study_lab: [BLACK; 2] })
+    }
+
+    /// Computes what `work` needs of the block.
+    pub fn prepare(&mut self, extent: Extent, work: &Work) {
+        match extent == Extent::FOLDED {
+            true => prepare::<true>(self, work),
+            false => prepare::<false>(self, work),
+        }
+    }
+}
+
+/// The block of a candidate and room for what is computed from it: reused by the blocks of a row.
 pub(super) struct Workspace {
-    pub reference: Block,
     pub candidate: Block,
-    /// Cube roots of reference and candidate.
-    roots: [Planes; 2],
-    /// Colour coordinates of reference and candidate.
-    colours: [Planes; 2],
+    /// Cube roots of the candidate.
+    roots: Planes,
+    /// Colour coordinates of the candidate.
+    colours: Planes,
     /// Differences or logarithms, whose powers are summed.
     terms: Plane,
 }
 
 impl Workspace {
     pub fn new() -> Box<Self> {
-        let (reference, candidate) = (Block::new(), Block::new());
-        Box::new(Self { reference, candidate, roots: [BLACK; 2], colours: [BLACK; 2], terms: [0.0; AZIMUTHS] })
+        Box::new(Self { candidate: Block::new(), roots: BLACK, colours: BLACK, terms: [0.0; AZIMUTHS] })
     }
 
-    /// The sums of the two blocks as they are and of their cube roots, `cosine` being c(theta_i, theta_o) of the
-    /// logarithms.
-    pub fn sums(&mut self, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
+    /// The sums of the candidate against the reference, as they are and of their cube roots, `cosine` being c(theta_i, theta_o) of
+    /// the logarithms.
+    pub fn sums(&mut self, reference: &ReferenceSide, extent: Extent, cosine: f64, work: &Work) -> [BlockSums; 2] {
         match extent == Extent::FOLDED {
-            true => sums::<true>(self, cosine, work),
-            false => sums::<false>(self, cosine, work),
+            true => sums::<true>(self, reference, cosine, work),
+            false => sums::<false>(self, reference, cosine, work),
+        }
+    }
+}
+
+/// The very code of [`prepare_in_place`], as [`sums`] is of [`sums_in_place`].
+#[multiversion(targets("x86_64+avx2"))]
+fn prepare<const FOLDED: bool>(side: &mut ReferenceSide, work: &Work) {
+    prepare_in_place::<FOLDED>(side, work);
+}
+
+#[inline(always)]
+fn prepare_in_place<const FOLDED: bool>(side: &mut ReferenceSide, work: &Work) {
+    let extent = if FOLDED { Extent::FOLDED } else { Extent::WHOLE };
+    let ReferenceSide { block, roots, lab, study_lab } = side;
+    if work.needs_cube_roots() {
+        cube_roots(&block.rgb, roots, extent);
+    }
+    if work.needs(0, Group::Lab) {
+        colour_coordinates::<false>(&block.rgb, &mut lab[0], extent, &RADIANCE_FACTOR);
+    }
+    if work.needs(1, Group::Lab) {
+        colour_coordinates::<false>(roots, &mut lab[1], extent, &RADIANCE_FACTOR_ROOT);
+    }
+    if work.needs(0, Group::StudyLab) || work.needs(1, Group::StudyLab) {
+        let [plain, rooted] = study_lab;
+        colour_coordinates::<true>(&block.rgb, plain, extent, &STUDY_XYZ);
+        if work.needs(1, Group::StudyLab) {
+            for (from, to) in plain.iter().zip(rooted) {
+                to[..extent.cells].iter_mut().zip(from).for_each(|(to, x)| *to = signed_cbrt(*x));
+            }
         }
     }
 }
 
 /// The very code of [`sums_in_place`]; AVX2 lets the compiler use registers of four f64.
 #[multiversion(targets("x86_64+avx2"))]
-fn sums<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
-    sums_in_place::<FOLDED>(space, cosine, work)
+fn sums<const FOLDED: bool>(
+    space: &mut Workspace,
+    reference: &ReferenceSide,
+    cosine: f64,
+    work: &Work,
+) -> [BlockSums; 2] {
+    sums_in_place::<FOLDED>(space, reference, cosine, work)
 }
 
 #[inline(always)]
-fn sums_in_place<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &Work) -> [BlockSums; 2] {
+fn sums_in_place<const FOLDED: bool>(
+    space: &mut Workspace,
+    reference: &ReferenceSide,
+    cosine: f64,
+    work: &Work,
+) -> [BlockSums; 2] {
     // A constant, so that every loop has a known length.
     let extent = if FOLDED { Extent::FOLDED } else { Extent::WHOLE };
-    let Workspace { reference, candidate, roots, colours, terms } = space;
-    let blocks = [&reference.rgb, &candidate.rgb];
+    let Workspace { candidate, roots, colours, terms } = space;
     let mut sums = [BlockSums::default(); 2];
     if work.needs_cube_roots() {
-        cube_roots(blocks, roots, extent);
+        cube_roots(&candidate.rgb, roots, extent);
     }
-    let [reference_root, candidate_root] = &*roots;
-    let forms = [(blocks, &RADIANCE_FACTOR), ([reference_root, candidate_root], &RADIANCE_FACTOR_ROOT)];
-    for (form, ([reference, candidate], relative_xyz)) in forms.into_iter().enumerate() {
+    let forms =
+        [(&reference.block.rgb, &candidate.rgb, &RADIANCE_FACTOR), (&reference.roots, &*roots, &RADIANCE_FACTOR_ROOT)];
+    for (form, (of_reference, of_candidate, relative_xyz)) in forms.into_iter().enumerate() {
+        let sums = &mut sums[form];
         for channel in 0..3 {
-            let (r, a) = (&reference[channel], &candidate[channel]);
-            let sums = &mut sums[form];
+            let (r, a) = (&of_reference[channel], &of_candidate[channel]);
             if work.needs(form, Group::Powers) {
                 cellwise(r, a, terms, extent, |r, a| (a - r).abs());
                 sums.square[channel] = sum_of_squares(terms, extent);
@@ -170,15 +232,16 @@ fn sums_in_place<const FOLDED: bool>(space: &mut Workspace, cosine: f64, work: &
             }
         }
         if work.needs(form, Group::Lab) {
-            colour_coordinates::<false>([reference, candidate], colours, extent, relative_xyz);
-            sums[form].lab = colour_squares::<false>(colours, terms, extent);
+            colour_coordinates::<false>(of_candidate, colours, extent, relative_xyz);
+            sums.lab = colour_squares(&reference.lab[form], colours, terms, extent, |a| a);
         }
     }
     if work.needs(0, Group::StudyLab) || work.needs(1, Group::StudyLab) {
-        colour_coordinates::<true>(blocks, colours, extent, &STUDY_XYZ);
-        sums[0].study_lab = colour_squares::<false>(colours, terms, extent);
+        let [plain, rooted] = &reference.study_lab;
+        colour_coordinates::<true>(&candidate.rgb, colours, extent, &STUDY_XYZ);
+        sums[0].study_lab = colour_squares(plain, colours, terms, extent, |a| a);
         if work.needs(1, Group::StudyLab) {
-            sums[1].study_lab = colour_squares::<true>(colours, terms, extent);
+            sums[1].study_lab = colour_squares(rooted, colours, terms, extent, signed_cbrt);
         }
     }
     sums
@@ -217,50 +280,47 @@ fn cellwise(r: &Plane, a: &Plane, terms: &mut Plane, extent: Extent, combine: im
 }
 
 #[inline(always)]
-fn cube_roots(from: [&Planes; 2], to: &mut [Planes; 2], extent: Extent) {
-    for (from, to) in from.into_iter().zip(to) {
-        for (from, to) in from.iter().zip(to) {
-            for (from, to) in from[..extent.cells].iter().zip(to) {
-                *to = cbrt(*from);
-            }
-        }
+fn signed_cbrt(x: f64) -> f64 {
+    cbrt(x.abs()).copysign(x)
+}
+
+#[inline(always)]
+fn cube_roots(from: &Planes, to: &mut Planes, extent: Extent) {
+    for (from, to) in from.iter().zip(to) {
+        to[..extent.cells].iter_mut().zip(from).for_each(|(to, x)| *to = cbrt(*x));
     }
 }
 
-/// The colour coordinates of every cell of both blocks: of the study, or of CIELAB.
+/// The colour coordinates of every cell: of the study, or of CIELAB.
 #[inline(always)]
 fn colour_coordinates<const OF_STUDY: bool>(
-    from: [&Planes; 2],
-    to: &mut [Planes; 2],
+    from: &Planes,
+    to: &mut Planes,
     extent: Extent,
     relative_xyz: &[[f64; 3]; 3],
 ) {
     let n = extent.cells;
-    for (from, to) in from.into_iter().zip(to) {
-        // Slices of one length, so that no index below needs a check.
-        let [red, green, blue] = from.each_ref().map(|plane| &plane[..n]);
-        let [x, y, z] = to.each_mut().map(|plane| &mut plane[..n]);
-        for k in 0..n {
-            let rgb = [red[k], green[k], blue[k]];
-            [x[k], y[k], z[k]] = if OF_STUDY { study_lab(rgb, relative_xyz) } else { cielab(rgb, relative_xyz) };
-        }
+    // Slices of one length, so that no index below needs a check.
+    let [red, green, blue] = from.each_ref().map(|plane| &plane[..n]);
+    let [x, y, z] = to.each_mut().map(|plane| &mut plane[..n]);
+    for k in 0..n {
+        let rgb = [red[k], green[k], blue[k]];
+        [x[k], y[k], z[k]] = if OF_STUDY { study_lab(rgb, relative_xyz) } else { cielab(rgb, relative_xyz) };
     }
 }
 
-/// Sums of the squared differences of the three colour coordinates, or of their signed cube roots.
+/// Sums of the squares of `of(a) - r`, for the three colour coordinates.
 #[inline(always)]
-fn colour_squares<const OF_ROOTS: bool>(
-    [reference, candidate]: &[Planes; 2],
+fn colour_squares(
+    reference: &Planes,
+    candidate: &Planes,
     terms: &mut Plane,
     extent: Extent,
+    of: impl Fn(f64) -> f64,
 ) -> [f64; 3] {
-    let signed_cbrt = |x: f64| cbrt(x.abs()).copysign(x);
     let mut squares = [0.0; 3];
     for ((square, r), a) in squares.iter_mut().zip(reference).zip(candidate) {
-        match OF_ROOTS {
-            true => cellwise(r, a, terms, extent, |r, a| signed_cbrt(a) - signed_cbrt(r)),
-            false => cellwise(r, a, terms, extent, |r, a| a - r),
-        }
+        cellwise(r, a, terms, extent, |r, a| of(a) - r);
         *square = sum_of_squares(terms, extent);
     }
     squares
@@ -332,12 +392,21 @@ mod tests {
         let work = Work::for_variants(LpVariant::every());
         let mut rng = stream(3, "lp kernel", 0);
         for cosine in [1.0, 0.3, EPSILON] {
-            let mut space = Workspace::new();
-            for plane in space.reference.rgb.iter_mut().chain(&mut space.candidate.rgb) {
+            let (mut space, mut side, mut plain) = (Workspace::new(), ReferenceSide::new(), ReferenceSide::new());
+            for plane in side.block.rgb.iter_mut().chain(&mut space.candidate.rgb) {
                 plane.iter_mut().for_each(|x| *x = 10f64.powf(rng.random_range(-6.0..5.0)));
             }
-            assert_eq!(space.sums(Extent::WHOLE, cosine, &work), sums_in_place::<false>(&mut space, cosine, &work));
-            assert_eq!(space.sums(Extent::FOLDED, cosine, &work), sums_in_place::<true>(&mut space, cosine, &work));
+            plain.block = side.block.clone();
+            for extent in [Extent::WHOLE, Extent::FOLDED] {
+                let (prepare, sums): (fn(&mut _, &_), fn(&mut _, &_, _, &_) -> _) = match extent == Extent::FOLDED {
+                    true => (prepare_in_place::<true>, sums_in_place::<true>),
+                    false => (prepare_in_place::<false>, sums_in_place::<false>),
+                };
+                side.prepare(extent, &work);
+                prepare(&mut plain, &work);
+                let expected: [BlockSums; 2] = sums(&mut space, &plain, cosine, &work);
+                assert_eq!(space.sums(&side, extent, cosine, &work), expected);
+            }
         }
     }
 }

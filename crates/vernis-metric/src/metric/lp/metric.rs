@@ -33,7 +33,7 @@ impl LpMetric {
     }
 
     fn between(&self, reference: &dyn Cells, candidate: &dyn Cells) -> Result<f64, MetricError> {
-        let sums = Sums::over(reference, candidate, &Work::for_variants([self.variant]))?;
+        let sums = sums_of(reference, candidate, &Work::for_variants([self.variant]))?;
         checked_distance(&sums, self.variant)
     }
 }
@@ -56,6 +56,11 @@ impl LpMetric {
         self.nodes().check(&self.name, values)?;
         Ok(NodeValues::new(values, self.polar()))
     }
+}
+
+/// The sums of one candidate.
+pub(super) fn sums_of(reference: &dyn Cells, candidate: &dyn Cells, work: &Work) -> Result<Sums, MetricError> {
+    Ok(Sums::over(reference, &[candidate], work)?.swap_remove(0))
 }
 
 /// The distance, or why there is none.
@@ -155,12 +160,19 @@ fn together(variants: Vec<LpVariant>, reference: &dyn Brdf) -> Result<Box<dyn Pr
 
 impl PreparedShare for Together {
     fn measure(&self, candidate: &dyn Brdf) -> Result<Vec<Measured>, MetricError> {
-        let found = LpDistances::of_variants_from(&self.reference, candidate, &self.variants)?;
-        let measured = |&variant: &LpVariant| Measured {
-            value: found.get(variant),
-            channels: found.channels(variant),
-            score: None,
+        Ok(self.measure_all(&[candidate])?.swap_remove(0))
+    }
+
+    fn measure_all(&self, candidates: &[&dyn Brdf]) -> Result<Vec<Vec<Measured>>, MetricError> {
+        let measured = |found: &LpDistances| {
+            let of = |&variant: &LpVariant| Measured {
+                value: found.get(variant),
+                channels: found.channels(variant),
+                score: None,
+            };
+            self.variants.iter().map(of).collect()
         };
-        Ok(self.variants.iter().map(measured).collect())
+        let found = LpDistances::of_variants_from(&self.reference, candidates, &self.variants)?;
+        Ok(found.iter().map(measured).collect())
     }
 }

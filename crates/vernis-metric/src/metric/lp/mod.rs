@@ -109,16 +109,20 @@ impl LpDistances {
 
     /// As [`LpDistances::of_study_between`], with a reference that is read once for many candidates.
     pub fn of_study_from(reference: &LpReference, candidate: &dyn Brdf) -> Result<Self, MetricError> {
-        Self::of_variants_from(reference, candidate, &LpVariant::of_study().collect::<Vec<_>>())
+        let variants: Vec<LpVariant> = LpVariant::of_study().collect();
+        Ok(Self::of_variants_from(reference, &[candidate], &variants)?.swap_remove(0))
     }
 
-    /// As [`LpDistances::of_study_from`], computing only what `variants` need; the values of others are unspecified.
+    /// As [`LpDistances::of_study_from`] for several candidates in one pass, computing only what `variants` need; the values of others
+    /// are unspecified.
     fn of_variants_from(
         reference: &LpReference,
-        candidate: &dyn Brdf,
+        candidates: &[&dyn Brdf],
         variants: &[LpVariant],
-    ) -> Result<Self, MetricError> {
-        Self::of_cells(&*reference.cells, &*block::cells(candidate, Side::Candidate)?, variants)
+    ) -> Result<Vec<Self>, MetricError> {
+        let cells = candidates.iter().map(|candidate| block::cells(*candidate, Side::Candidate));
+        let cells: Vec<Box<dyn Cells + '_>> = cells.collect::<Result<_, _>>()?;
+        Self::of_cells(&*reference.cells, &cells.iter().map(|cells| &**cells).collect::<Vec<_>>(), variants)
     }
 
     fn of_variants(
@@ -128,15 +132,22 @@ impl LpDistances {
     ) -> Result<Self, MetricError> {
         let (reference, candidate) =
             (block::cells(reference, Side::Reference)?, block::cells(candidate, Side::Candidate)?);
-        Self::of_cells(&*reference, &*candidate, &variants.collect::<Vec<_>>())
+        Ok(Self::of_cells(&*reference, &[&*candidate], &variants.collect::<Vec<_>>())?.swap_remove(0))
     }
 
-    fn of_cells(reference: &dyn Cells, candidate: &dyn Cells, variants: &[LpVariant]) -> Result<Self, MetricError> {
-        let sums = Sums::over(reference, candidate, &Work::for_variants(variants.iter().copied()))?;
-        for &variant in variants {
-            metric::checked_distance(&sums, variant)?;
-        }
-        Ok(Self { sums })
+    fn of_cells(
+        reference: &dyn Cells,
+        candidates: &[&dyn Cells],
+        variants: &[LpVariant],
+    ) -> Result<Vec<Self>, MetricError> {
+        let checked = |sums: Sums| {
+            for &variant in variants {
+                metric::checked_distance(&sums, variant)?;
+            }
+            Ok(Self { sums })
+        };
+        let sums = Sums::over(reference, candidates, &Work::for_variants(variants.iter().copied()))?;
+        sums.into_iter().map(checked).collect()
     }
 
     /// The distance of one variant.

@@ -1,9 +1,12 @@
-//! The one pass over two BRDFs: blocks in parallel rows, added up in a fixed order.
+//! The one pass over a reference and its candidates: blocks in parallel rows, added up in a fixed order.
+//!
+//! What a block of the reference needs alone (cube roots, colour coordinates: a third of the work of a pair) is computed once for all
+//! candidates. The sums are those of a pass for each candidate alone, to the last bit.
 
 use super::POLAR_CLAMPED;
 use super::block::{Cells, Extent};
 use super::formula::Weights;
-use super::kernel::{BlockSums, Work, Workspace};
+use super::kernel::{BlockSums, ReferenceSide, Work, Workspace};
 use super::variant::{Formula, LpVariant};
 use crate::metric::MetricError;
 use rayon::prelude::*;
@@ -36,14 +39,19 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// The sums that `work` asks for.
-    pub fn over(reference: &dyn Cells, candidate: &dyn Cells, work: &Work) -> Result<Self, MetricError> {
-        let row = |i| row(reference, candidate, work, i);
-        let rows: Vec<Self> = (0..work.limit).into_par_iter().map(row).collect::<Result<_, _>>()?;
-        let mut sums = Self::default();
+    /// The sums that `work` asks for, one element a candidate.
+    ///
+    /// # Errors
+    /// The first value that cannot be compared, in the order of the cells and then of the candidates.
+    pub fn over(reference: &dyn Cells, candidates: &[&dyn Cells], work: &Work) -> Result<Vec<Self>, MetricError> {
+        let row = |i| row(reference, candidates, work, i);
+        let rows: Vec<Vec<Self>> = (0..work.limit).into_par_iter().map(row).collect::<Result<_, _>>()?;
+        let mut sums = vec![Self::default(); candidates.len()];
         for row in &rows {
-            sums.all.add(&row.all);
-            sums.clamped.add(&row.clamped);
+            for (sums, row) in sums.iter_mut().zip(row) {
+                sums.all.add(&row.all);
+                sums.clamped.add(&row.clamped);
+            }
         }
         Ok(sums)
     }
@@ -73,28 +81,52 @@ impl Sums {
     }
 }
 
-/// The sums of the row theta_i = `i` degrees.
-fn row(reference: &dyn Cells, candidate: &dyn Cells, work: &Work, i: usize) -> Result<Sums, MetricError> {
+/// The sums of the row theta_i = `i` degrees, one element a candidate.
+fn row(reference: &dyn Cells, candidates: &[&dyn Cells], work: &Work, i: usize) -> Result<Vec<Sums>, MetricError> {
     let mut space = Workspace::new();
-    let mut sums = Sums::default();
-    let mirrored = reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
-    let extent = if mirrored { Extent::FOLDED } else { Extent::WHOLE };
+    let mut found = vec![Sums::default(); candidates.len()];
+    let is_folded = |candidate: &&dyn Cells| reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
+    let folded: Vec<bool> = candidates.iter().map(is_folded).collect();
+    let side = |extent: Extent| {
+        let wanted = folded.contains(&(extent == Extent::FOLDED));
+        wanted.then(|| (extent, ReferenceSide::new()))
+    };
+    let mut sides = [Extent::WHOLE, Extent::FOLDED].map(side);
+    // For candidates that lack cells of the reference.
+    let mut fewer: Option<Box<ReferenceSide>> = None;
     for o in 0..work.limit {
-        if o == POLAR_CLAMPED && i < POLAR_CLAMPED {
-            sums.clamped = sums.all.clone();
+        for (extent, side) in sides.iter_mut().flatten() {
+            reference.read(i, o, *extent, &mut side.block)?;
+            side.block.blacken(*extent);
+            side.prepare(*extent, work);
         }
-        reference.read(i, o, extent, &mut space.reference)?;
-        candidate.read(i, o, extent, &mut space.candidate)?;
         let weights = Weights::at(i, o);
-        sums.all.cells += space.reference.mask(&mut space.candidate, extent);
-        for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(extent, weights.cosine, work)) {
-            add(&block, &weights, terms);
+        for ((sums, candidate), &folded) in found.iter_mut().zip(candidates).zip(&folded) {
+            if o == POLAR_CLAMPED && i < POLAR_CLAMPED {
+                sums.clamped = sums.all.clone();
+            }
+            let Some((extent, side)) = &sides[usize::from(folded)] else { continue };
+            candidate.read(i, o, *extent, &mut space.candidate)?;
+            let (count, side) = match space.candidate.mask_within(&side.block, *extent) {
+                Some(count) => (count, side),
+                None => {
+                    let fewer = fewer.get_or_insert_with(ReferenceSide::new);
+                    fewer.block = side.block.clone();
+                    let count = fewer.block.mask(&mut space.candidate, *extent);
+                    fewer.prepare(*extent, work);
+                    (count, &*fewer)
+                }
+            };
+            sums.all.cells += count;
+            for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(side, *extent, weights.cosine, work)) {
+                add(&block, &weights, terms);
+            }
         }
     }
     if work.limit <= POLAR_CLAMPED {
-        sums.clamped = sums.all.clone();
+        found.iter_mut().for_each(|sums| sums.clamped = sums.all.clone());
     }
-    Ok(sums)
+    Ok(found)
 }
 
 /// Adds the weighted sums of a block to the terms of every formula.
@@ -171,7 +203,11 @@ mod tests {
     fn the_fused_pass_agrees_with_the_formulas_cell_by_cell() {
         let (reference, candidate) = (Noise(1), Noise(2));
         let i = 37;
-        let fused = row(&reference, &candidate, &Work::for_variants(LpVariant::every()), i).unwrap();
+        let work = Work::for_variants(LpVariant::every());
+        // Beside candidates that are like it, and that lack other cells.
+        let candidates: [&dyn Cells; 3] = [&Noise(3), &candidate, &reference];
+        let fused = row(&reference, &candidates, &work, i).unwrap().swap_remove(1);
+        assert_eq!(fused, row(&reference, &[&candidate], &work, i).unwrap()[0]);
         for variant in LpVariant::every() {
             let (mut sums, mut count) = ([0.0; 3], 0);
             for o in 0..if variant.clamped { POLAR_CLAMPED } else { POLAR } {
@@ -208,7 +244,7 @@ mod tests {
         let sums = |reference: &dyn Brdf, candidate: &dyn Brdf| {
             let (reference, candidate) =
                 (cells(reference, Side::Reference).unwrap(), cells(candidate, Side::Candidate).unwrap());
-            Sums::over(&*reference, &*candidate, &work).unwrap()
+            Sums::over(&*reference, &[&*candidate], &work).unwrap().remove(0)
         };
         let folded = sums(&reference, &candidate);
         for whole in [sums(&Whole(reference), &Whole(candidate)), sums(&reference, &Whole(candidate))] {

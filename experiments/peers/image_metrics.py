@@ -1,11 +1,12 @@
 """Times of metrics on pictures beside those of scikit-image, flip-evaluator, pycvvdp and PyTorch, in one run.
 
     pip install numpy pillow scikit-image flip-evaluator      # and cvvdp, which brings torch; networks need torch alone
-    python experiments/peers/image_metrics.py [--size 580x900] [--runs 7]
+    python experiments/peers/image_metrics.py [--size 580x900] [--runs 7] [--no-networks]
 
 Makes a pair of pictures by formula, times each library on them in this process, then runs the example `time_metrics` of
 `crates/vernis-image` in release mode, on one thread and on all. Times are medians and leave out the reading of files. What is not
-installed is left out, and said. LPIPS, ST-LPIPS and MatSim run with weights by formula, PyTorch on one thread (networks.py).
+installed is left out, and said. LPIPS, ST-LPIPS and MatSim run with weights by formula, PyTorch on one thread (networks.py); they take
+most of the time, half an hour in all.
 """
 
 import argparse
@@ -41,7 +42,7 @@ def median_ms(run, runs):
     return statistics.median(times)
 
 
-def peers(reference, test):
+def peers(reference, test, with_networks):
     """Name of ours, name of the peer, and a function to time; or why there is none."""
     try:
         from skimage.color import deltaE_ciede2000, rgb2lab
@@ -70,8 +71,8 @@ def peers(reference, test):
         yield "cvvdp", "pycvvdp", lambda: metric.predict(test, reference, dim_order="HWC")
     except ImportError as missing:
         print(f"left out: {missing}")
-
-
+    if not with_networks:
+        return
     try:
         import networks
         import torch
@@ -111,6 +112,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--size", default="580x900", help="width x height in pixels")
     parser.add_argument("--runs", type=int, default=7, help="runs of which the median counts")
+    parser.add_argument("--no-networks", dest="networks", action="store_false", help="leave out LPIPS, ST-LPIPS and MatSim")
     arguments = parser.parse_args()
     width, height = map(int, arguments.size.split("x"))
     reference, test = pictures(width, height)
@@ -118,9 +120,10 @@ def main():
         folder = Path(place)
         Image.fromarray(reference).save(folder / "reference.png")
         Image.fromarray(test).save(folder / "test.png")
-        weights(folder)
+        if arguments.networks:
+            weights(folder)
         alone, together = (ours(folder, threads, arguments.runs) for threads in (1, 0))
-    theirs = [(name, peer, median_ms(run, arguments.runs)) for name, peer, run in peers(reference, test)]
+    theirs = [(name, peer, median_ms(run, arguments.runs)) for name, peer, run in peers(reference, test, arguments.networks)]
     print(f"{width} x {height} pixels, median of {arguments.runs} runs, ms; all = {together['threads']} threads")
     print(f"{'metric':<18}{'one thread':>12}{'all':>10}  {'peer':<26}{'its time':>10}{'one/peer':>10}{'all/peer':>10}")
     for name, one in alone["milliseconds"].items():

@@ -167,3 +167,59 @@ fn keep(measured: Vec<Measured>, key: &str, cache: Option<&Cache>, warnings: &mu
     warnings.extend(cache.and_then(|c| c.store_values(key, &values).err()));
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vernis_metric::brdf::models::Lambert;
+    use vernis_metric::brdf::{Brdf, OpenBrdf};
+    use vernis_metric::math::{Rgb, Vec3};
+    use vernis_metric::metric::registry::Registry;
+
+    struct Negative;
+
+    impl Brdf for Negative {
+        fn eval(&self, _wi: Vec3, _wo: Vec3) -> Option<Rgb> {
+            Some([-1.0; 3])
+        }
+    }
+
+    fn open(name: &str, brdf: impl Brdf + 'static) -> IdentifiedBrdf {
+        let content = ContentHash::of(name.as_bytes());
+        OpenBrdf { notation: name.to_owned(), content, brdf: Arc::new(brdf) }.into()
+    }
+
+    fn grey(albedo: f64) -> IdentifiedBrdf {
+        open(&format!("grey {albedo}"), Lambert::new([albedo; 3]).unwrap())
+    }
+
+    fn metrics() -> Vec<Arc<dyn Metric>> {
+        let registry = Registry::standard().unwrap();
+        ["D9.Cl", "D6", "energy[grid=6x6x24]"].map(|name| registry.get(name).unwrap()).to_vec()
+    }
+
+    #[test]
+    fn candidates_together_are_as_far_away_as_one_by_one() {
+        let (metrics, reference) = (metrics(), grey(0.5));
+        let candidates = [grey(0.2), grey(0.5), grey(0.7)];
+        let together = PairDistances::new(&metrics, &reference, None).to(&candidates, &mut Vec::new()).unwrap();
+        for (candidate, together) in candidates.iter().zip(together) {
+            let alone = PairDistances::new(&metrics, &reference, None).one_way(candidate, &mut Vec::new()).unwrap();
+            assert_eq!((&alone, &alone), (&together.distances, &together.swapped), "{}", candidate.notation);
+        }
+    }
+
+    #[test]
+    fn a_candidate_that_fails_is_named_and_those_before_it_are_kept() {
+        let (metrics, reference) = (metrics(), grey(0.5));
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::open(folder.path()).unwrap();
+        let mut distances = PairDistances::new(&metrics[..1], &reference, Some(&cache));
+        let candidates = [grey(0.2), open("bad", Negative), grey(0.7)];
+        let Err(error) = distances.to(&candidates, &mut Vec::new()) else { panic!("a negative BRDF was measured") };
+        assert!(error.to_string().starts_with("grey 0.5 against bad: "), "{error}");
+        let group = &distances.groups[0];
+        let kept = candidates.map(|c| cache.load_values(&group.key(reference.content, c.content)).is_some());
+        assert_eq!(kept, [true, false, false]);
+    }
+}

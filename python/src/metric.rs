@@ -10,11 +10,10 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis::image::metric::Conditions;
 use vernis::image::stimulus;
 use vernis_metric::descriptor::Cache;
-use vernis_metric::io::Progress;
+use vernis_metric::io::Count;
 use vernis_metric::metric::learned::{FAMILY, LearnedMetric};
 use vernis_metric::metric::registry::Registry;
 use vernis_metric::metric::{self, Gradient, Measured, MetricError, Nodes, PreparedMetric, PreparedMetrics};
@@ -186,11 +185,11 @@ impl Prepared {
         self.prepared.nodes().ok_or(MetricError::NoNodes)?;
         let flat = values.as_slice().map_err(|e| Fault::Input(e.to_string()))?;
         let members: Vec<&[[f64; 3]]> = flat.as_chunks::<3>().0.chunks(nodes.max(1)).collect();
-        let (total, done) = (members.len(), AtomicUsize::new(0));
+        let done = Count::of(members.len());
         long(py, progress.as_ref(), |observer, _| {
             let distance = |(member, values): (usize, &&[[f64; 3]])| {
                 let found = self.prepared.distance_at(values);
-                observer("distances", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+                done.one(|progress| observer("distances", progress));
                 found.map_err(|e| (member, e))
             };
             let found: Vec<_> = members.par_iter().enumerate().map(distance).collect();
@@ -268,7 +267,7 @@ pub fn distances(
             None => jobs.push(Job { reference, candidates: vec![candidate] }),
         }
     }
-    let (total, done) = (pairs.len(), AtomicUsize::new(0));
+    let done = Count::of(pairs.len());
     long(py, progress.as_ref(), |observer, _| {
         let scored = |job: &Job<'_>| -> Result<Vec<Scored>, Fault> {
             let prepared = PreparedMetrics::new(&metrics, &*job.reference.brdf);
@@ -278,7 +277,7 @@ pub fn distances(
                     Ok(prepared) => prepared.measure(&*candidate.brdf).map_err(|e| e.to_string()),
                     Err(e) => Err(e.to_string()),
                 };
-                observer("pairs", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+                done.one(|progress| observer("pairs", progress));
                 Ok((place, candidate.heard(Ok(found))?))
             };
             job.candidates.par_iter().map(scored).collect()

@@ -11,12 +11,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::BrdfSource;
 use vernis_metric::fit::direct::is_direct;
 use vernis_metric::fit::optimizer::Method;
 use vernis_metric::fit::{Fitted, Fitting, Start};
-use vernis_metric::io::{Observer, Progress};
+use vernis_metric::io::{Count, Observer};
 use vernis_metric::metric::Metric;
 
 /// A result of L-BFGS that is above that of Hooke-Jeeves by less than this counts as the same, in the unit of the metric (for learned
@@ -99,7 +98,7 @@ pub fn optimizers(
             jobs.extend(options.models.iter().map(|model| (metric, reference, model.as_str())));
         }
     }
-    let (done, total) = (AtomicUsize::new(0), jobs.len());
+    let done = Count::of(jobs.len());
     let compared = |&(metric, (material, source), model): &(&Arc<dyn Metric>, &(String, BrdfSource), &str)| {
         let brdf = source.open_unhashed(options.data)?;
         let run = |method| {
@@ -118,7 +117,7 @@ pub fn optimizers(
         let direct = run(Method::HookeJeeves)?;
         let course = |fitted: &Fitted| Course { value: fitted.loss, evaluations: fitted.search_evaluations };
         let reached = gradient.history.iter().find(|step| step.value <= direct.loss + SAME);
-        progress("fits", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        done.one(|found| progress("fits", found));
         Ok(Comparison {
             metric: metric.name().to_owned(),
             material: material.clone(),

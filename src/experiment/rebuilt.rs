@@ -32,10 +32,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::BrdfSource;
 use vernis_metric::descriptor::{Cache, Setup};
-use vernis_metric::io::{Observer, Progress};
+use vernis_metric::io::{Count, Observer, Progress};
 use vernis_metric::math::correlation::{Ranking, pearson_counted, spearman_counted};
 use vernis_metric::math::seed;
 use vernis_metric::metric::Metric;
@@ -342,7 +341,7 @@ impl<T: Trainer> Job<'_, T> {
         let is_family = |row: &Row| row.method_family == family;
         let mut folds = method_and_group_folds(samples, self.options.folds, self.options.seed)?;
         folds.retain(|fold| fold.held_out.rows().first().is_some_and(is_family));
-        let done = AtomicUsize::new(0);
+        let done = Count::of(folds.len());
         let judge = |(index, fold): (usize, &Fold)| {
             let seed = seed::stream(self.options.seed, "rebuilt-candidates", index as u64).random();
             let failed = |source| EvaluationError::Training {
@@ -352,8 +351,7 @@ impl<T: Trainer> Job<'_, T> {
                 source: Box::new(source),
             };
             let judge = self.trainer.train(&fold.training, seed).map_err(failed)?;
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            (self.progress)(&format!("judges of {family}"), Progress { done, total: folds.len() });
+            done.one(|progress| (self.progress)(&format!("judges of {family}"), progress));
             Ok(judge.predict(fold.held_out.features()))
         };
         let found: Vec<Vec<f64>> = folds.par_iter().enumerate().map(judge).collect::<Result<_, EvaluationError>>()?;

@@ -18,13 +18,12 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::models::schema;
 use vernis_metric::brdf::{BrdfError, BrdfSource};
 use vernis_metric::fit::direct::is_direct;
 use vernis_metric::fit::optimizer::StopReason;
 use vernis_metric::fit::{Difference, FitError, FitFile, Fitting, KeptFit, Start};
-use vernis_metric::io::{Observer, Progress, write_atomically};
+use vernis_metric::io::{Count, Observer, write_atomically};
 use vernis_metric::metric::Metric;
 
 /// The study's name of a method, and the model that is fitted for it.
@@ -109,12 +108,12 @@ pub fn refit(study: &Study, options: &RefitOptions, progress: Observer<'_>) -> R
             options.kept(material, method, model, None)?;
         }
     }
-    let (done, total) = (AtomicUsize::new(0), references.len() * options.methods.len());
+    let done = Count::of(references.len() * options.methods.len());
     let of_material = |(material, source): (&&str, &&BrdfSource)| {
         let mut all = Vec::with_capacity(options.methods.len());
         for &(method, model) in &options.methods {
             all.push(options.one(material, source, method, model)?);
-            progress("fits", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            done.one(|found| progress("fits", found));
         }
         Ok(all)
     };

@@ -16,10 +16,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::{BrdfSource, IdentifiedBrdf};
 use vernis_metric::descriptor::{Cache, CacheWarning};
-use vernis_metric::io::{Observer, Progress};
+use vernis_metric::io::{Count, Observer};
 use vernis_metric::math::quantile::Interval;
 use vernis_metric::math::resampling::Resamples;
 use vernis_metric::metric::Metric;
@@ -100,7 +99,7 @@ pub fn triplets(
         needed.entry(triplet.reference).or_default().extend(triplet.candidates);
     }
     let needed: Vec<(usize, BTreeSet<usize>)> = needed.into_iter().collect();
-    let (done, total) = (AtomicUsize::new(0), needed.iter().map(|(_, candidates)| candidates.len()).sum());
+    let done = Count::of(needed.iter().map(|(_, candidates)| candidates.len()).sum());
     let place = |index: usize| {
         opened.get(index).ok_or_else(|| ExperimentError::Write { reason: format!("material {index} has no BRDF") })
     };
@@ -110,7 +109,7 @@ pub fn triplets(
         let mut found = BTreeMap::new();
         for &candidate in candidates {
             found.insert((*reference, candidate), distances.one_way(place(candidate)?, &mut warnings)?);
-            progress("pairs", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            done.one(|found| progress("pairs", found));
         }
         Ok((found, warnings))
     };

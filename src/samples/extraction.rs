@@ -13,11 +13,10 @@ use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use thiserror::Error;
 use vernis_metric::brdf::{BrdfError, ContentHash, IdentifiedBrdf};
 use vernis_metric::descriptor::{Cache, CacheWarning, DescriptorError, DescriptorSet, Setup, features as features_of};
-use vernis_metric::io::Progress;
+use vernis_metric::io::{Count, Progress};
 use vernis_metric::light::NodeTable;
 use vernis_metric::metric::{Metric, MetricError};
 
@@ -103,8 +102,9 @@ impl Extractor<'_> {
     /// computed by then stays in the cache.
     pub fn extract(&self, study: &Study) -> Result<Extraction, ExtractionError> {
         let groups = study.by_reference();
-        let (done, total) = (AtomicUsize::new(0), study.pairs.len());
-        let step = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        let total = study.pairs.len();
+        let done = Count::of(total);
+        let step = || done.one(self.progress);
         let found = in_order(groups.len(), |group| self.of_reference(study, &groups[group], &step))?;
         let mut references = BTreeMap::new();
         let mut warnings = Vec::new();

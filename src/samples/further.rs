@@ -11,10 +11,9 @@ use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::ContentHash;
 use vernis_metric::descriptor::{Cache, CacheWarning};
-use vernis_metric::io::Progress;
+use vernis_metric::io::{Count, Progress};
 use vernis_metric::metric::{Metric, PreparedMetrics};
 
 /// Distances of the pairs of one reference, by place in the study.
@@ -35,8 +34,9 @@ pub fn further(
         cache.iter().flat_map(|cache| metrics.iter().filter_map(|metric| metric.warm_up(cache))).collect();
     let job = Job { study, metrics, identities: metrics.iter().map(|metric| metric.identity()).collect(), base, cache };
     let groups = study.by_reference();
-    let (done, total) = (AtomicUsize::new(0), study.pairs.len());
-    let step = || progress(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+    let total = study.pairs.len();
+    let done = Count::of(total);
+    let step = || done.one(progress);
     let found = in_order(groups.len(), |group| job.of_reference(&groups[group], &step))?;
     let mut rows = Rows::new();
     for (of_reference, of_cache) in found {

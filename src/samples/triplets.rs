@@ -11,9 +11,8 @@ use ndarray::Array2;
 use rand::seq::SliceRandom;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::descriptor::{BrdfFeatures, CacheWarning, Column, features as features_of};
-use vernis_metric::io::Progress;
+use vernis_metric::io::Count;
 use vernis_metric::math::seed;
 
 /// One question and its votes.
@@ -140,8 +139,8 @@ impl Extractor<'_> {
         let used: BTreeSet<usize> =
             judged.iter().flat_map(|t| [t.reference, t.candidates[0], t.candidates[1]]).collect();
         let used: Vec<usize> = used.into_iter().collect();
-        let (done, total) = (AtomicUsize::new(0), used.len());
-        let step = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        let done = Count::of(used.len());
+        let step = || done.one(self.progress);
         let found = in_order(used.len(), |k| {
             let brdf = study.sources[used[k]].identify(self.base)?;
             let of_material = features_of(&brdf, self.setup, self.cache)?;

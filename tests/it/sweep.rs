@@ -20,8 +20,8 @@ use vernis::io::SealError;
 fn a_sweep_records_what_it_found_and_takes_it_up_again() {
     let study = Study { pairs: synthetic_pairs(), ..Study::load(synthetic::NAME, None).unwrap() };
     let grid = "3x3x8".parse().unwrap();
-    let tables = StudyTables::of(&study, grid, None, usize::MAX, &|_, _| {}).unwrap();
-    let without_memory = StudyTables::of(&study, grid, None, 0, &|_, _| {}).unwrap();
+    let tables = StudyTables::of(&study, grid, None, usize::MAX, &|_| {}).unwrap();
+    let without_memory = StudyTables::of(&study, grid, None, 0, &|_| {}).unwrap();
     let setting = Setting::new("3x3x8", "standard", &study);
     let all = Combination::of_study();
     let pick = |name: &str| *all.iter().find(|c| c.to_string() == name).unwrap();
@@ -91,7 +91,7 @@ fn combinations_of_a_group_give_what_each_gives_alone() {
     let study = Study { pairs: synthetic_pairs(), ..Study::load(synthetic::NAME, None).unwrap() };
     // Fine enough for the quantised method at coarse accuracy.
     let setting = Setting::new("9x9x36", "coarse", &study);
-    let tables = StudyTables::of(&study, "9x9x36".parse().unwrap(), None, usize::MAX, &|_, _| {}).unwrap();
+    let tables = StudyTables::of(&study, "9x9x36".parse().unwrap(), None, usize::MAX, &|_| {}).unwrap();
     let chosen = |c: &&Combination| {
         c.to_string().starts_with("ot[p=2,alpha=0.05,blur=0.1,") && c.to_string().ends_with("phi=t]")
     };

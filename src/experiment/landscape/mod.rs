@@ -23,12 +23,11 @@ use rayon::prelude::*;
 use record::{Course, Fall, Line, MetricNote, Sweep, Swept};
 use shape::{hollow, largest_bend, largest_fall, lowest};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use surface::{MATERIALS, Material, Parameter, Surface};
 use vernis_metric::brdf::Brdf;
 use vernis_metric::brdf::models::AnalyticBrdf;
 use vernis_metric::fit::{Fitting, Space};
-use vernis_metric::io::{Observer, Progress};
+use vernis_metric::io::{Count, Observer, Progress};
 use vernis_metric::metric::registry::Registry;
 use vernis_metric::metric::{Metric, MetricError, PreparedMetric};
 
@@ -330,19 +329,17 @@ fn named(name: &str, source: MetricError) -> ExperimentError {
 /// Tells how many parts of a stage are done.
 struct Counter<'a> {
     stage: &'static str,
-    total: usize,
-    done: AtomicUsize,
+    done: Count,
     progress: Observer<'a>,
 }
 
 impl<'a> Counter<'a> {
     fn new(stage: &'static str, total: usize, progress: Observer<'a>) -> Self {
         progress(stage, Progress { done: 0, total });
-        Self { stage, total, done: AtomicUsize::new(0), progress }
+        Self { stage, done: Count::of(total), progress }
     }
 
     fn one(&self) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        (self.progress)(self.stage, Progress { done, total: self.total });
+        self.done.one(|progress| (self.progress)(self.stage, progress));
     }
 }

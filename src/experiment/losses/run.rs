@@ -13,12 +13,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::formats::model_json;
 use vernis_metric::brdf::{Brdf, BrdfSource, ContentHash, OpenBrdf};
 use vernis_metric::descriptor::Setup;
 use vernis_metric::fit::{FIT_VERSION, FitFile, Fitting, LogFits};
-use vernis_metric::io::{Progress, read_at_most, seal, unseal};
+use vernis_metric::io::{Count, Progress, read_at_most, seal, unseal};
 use vernis_metric::math::seed;
 use vernis_metric::metric::learned::LearnedMetric;
 use vernis_metric::metric::lp;
@@ -146,8 +145,8 @@ impl Experiment<'_> {
         let origin = self.origin(&graphs);
         let fingerprint = fingerprint(&origin)?;
         let total = materials.len() * self.settings.models.len() * self.settings.losses.len();
-        let done = AtomicUsize::new(0);
-        let count = || (self.progress)(Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        let done = Count::of(total);
+        let count = || done.one(self.progress);
         let any = Job {
             experiment: self,
             graphs: &graphs,

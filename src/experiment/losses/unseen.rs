@@ -17,9 +17,8 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::descriptor::{DescriptorSet, Setup};
-use vernis_metric::io::{Observer, Progress};
+use vernis_metric::io::{Count, Observer};
 use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::metric::learned::LearnedMetric;
 use vernis_metric::metric::learned::exported::{Descriptors, Interval, Provenance};
@@ -141,13 +140,13 @@ impl UnseenTraining<'_> {
                 jobs.push((lesson, index, fold, self.kept(&asked)?, asked));
             }
         }
-        let (done, total) = (AtomicUsize::new(0), jobs.len());
+        let done = Count::of(jobs.len());
         let metric = |(lesson, index, fold, kept, asked): (&Lesson<'_>, usize, &Fold, Option<LearnedMetric>, Asked)| {
             let metric = match kept {
                 Some(kept) => kept,
                 None => self.metric(lesson, index, fold, asked)?,
             };
-            (self.progress)("training", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            done.one(|progress| (self.progress)("training", progress));
             Ok(metric)
         };
         let mut trained = jobs.into_par_iter().map(metric).collect::<Result<Vec<_>, ExperimentError>>()?.into_iter();

@@ -6,11 +6,10 @@ use crate::samples::shard::Shard;
 use rayon::prelude::*;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use thiserror::Error;
 use vernis_image::scene::file::is_film;
 use vernis_metric::brdf::{BrdfError, ContentHash};
-use vernis_metric::io::{Observer, Progress, counted, read_at_most};
+use vernis_metric::io::{Count, Observer, counted, read_at_most};
 
 /// More than a file beside a picture takes.
 const MOST_OF_SIDECAR: u64 = 1 << 20;
@@ -80,10 +79,11 @@ pub fn found(
         return Err(FoundError::NoFolder { folder: folder.to_owned(), study: study.name.clone() });
     }
     let all = stimuli(study, Shard::WHOLE);
-    let (done, total) = (AtomicUsize::new(0), all.len());
+    let total = all.len();
+    let done = Count::of(total);
     let look = |stimulus: &Stimulus| {
         let found = one(study, stimulus, folder, data);
-        observer("stimuli", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        done.one(|progress| observer("stimuli", progress));
         found
     };
     // The first error in the order of the study, whatever thread meets one first.

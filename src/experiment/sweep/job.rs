@@ -8,8 +8,7 @@ use crate::dataset::Study;
 use crate::experiment::ExperimentError;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use vernis_metric::io::{FolderLock, Observer, Progress, read_at_most, seal, unseal, write_atomically};
+use vernis_metric::io::{Count, FolderLock, Observer, Progress, read_at_most, seal, unseal, write_atomically};
 use vernis_metric::metric::graph::GraphGrid;
 
 /// Hundreds of times what a combination takes.
@@ -147,17 +146,19 @@ impl Job<'_> {
                 _ => {}
             }
         }
-        let told = |done, total| (self.progress)("tables", Progress { done, total });
+        let told = |progress| (self.progress)("tables", progress);
         let tables = StudyTables::of(self.study, *grid, data.as_deref(), *memory, &told)?;
         let weight = |group: &[Combination]| group.iter().map(Combination::weight).sum::<usize>();
-        let (done, total) = (AtomicUsize::new(0), weight(missing) * tables.len());
+        let total = weight(missing) * tables.len();
+        let done = Count::of(total);
         let (mut finished, mut outcomes) = (0, Vec::new());
         for group in groups(missing) {
             let journal = Journal::open(self.path(&group[0], "journal"), &group, self.setting)?;
             warnings.extend_from_slice(journal.warnings());
             let step = |pairs: usize| {
-                let done = done.fetch_add(pairs * weight(&group), Ordering::Relaxed) + pairs * weight(&group);
-                (self.progress)("sweep", Progress { done: done.min(total), total });
+                done.more(pairs * weight(&group), |progress| {
+                    (self.progress)("sweep", Progress { done: progress.done.min(total), total });
+                });
             };
             step(journal.known().len());
             let keep = |index: usize, found: &PairOutcome| -> Result<(), ExperimentError> {
@@ -175,7 +176,7 @@ impl Job<'_> {
             journal.remove()?;
             // A refused group stops at its first reference.
             finished += weight(&group) * tables.len();
-            done.store(finished, Ordering::Relaxed);
+            done.set(finished);
         }
         Ok(outcomes)
     }

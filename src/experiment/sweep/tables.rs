@@ -5,8 +5,8 @@ use crate::experiment::ExperimentError;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use vernis_metric::brdf::BrdfSource;
+use vernis_metric::io::{Count, Progress};
 use vernis_metric::metric::Side;
 use vernis_metric::metric::graph::{CompactTable, CosineTable, GraphGrid};
 
@@ -28,7 +28,7 @@ impl StudyTables {
         grid: GraphGrid,
         base: Option<&Path>,
         memory: usize,
-        progress: &(dyn Fn(usize, usize) + Sync),
+        progress: &(dyn Fn(Progress) + Sync),
     ) -> Result<Self, ExperimentError> {
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
         let mut sources: Vec<BrdfSource> = Vec::new();
@@ -40,10 +40,10 @@ impl StudyTables {
         };
         let pairs: Vec<_> = study.pairs.iter().map(|p| (number(&p.reference), number(&p.candidate))).collect();
         let fits = sources.len().min(memory / CompactTable::bytes(grid));
-        let done = AtomicUsize::new(0);
+        let done = Count::of(fits);
         let table = |source: &BrdfSource| {
             let table = make(source, grid, base);
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1, fits);
+            done.one(progress);
             table
         };
         let kept = sources[..fits].par_iter().map(table).collect::<Result<Vec<_>, _>>()?;

@@ -25,10 +25,10 @@ use rayon::prelude::*;
 use reflectance::Surface;
 use sampler::{Sampler, unit};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use thiserror::Error;
 use vernis_metric::brdf::{Brdf, ContentHash};
-use vernis_metric::io::{Observer, Progress};
+use vernis_metric::io::{Count, Observer};
 use vernis_metric::math::Rgb;
 
 /// Raise it when a picture of the same scene changes by more than rounding. 2: a tenth of the directions are uniform.
@@ -163,14 +163,14 @@ impl Tracer {
     pub fn render(&self, observer: Observer) -> Result<Picture, TraceError> {
         let Film { width, height, .. } = self.scene.film;
         let mut pixels = vec![[0.0f32; 3]; width.saturating_mul(height)];
-        let done = AtomicUsize::new(0);
+        let done = Count::of(height);
         pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
             let mut rays = 0;
             for (column, pixel) in pixels.iter_mut().enumerate() {
                 *pixel = self.pixel(column, row, &mut rays);
             }
             self.rays.fetch_add(rays, Ordering::Relaxed);
-            observer("rendering", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total: height });
+            done.one(|progress| observer("rendering", progress));
         });
         if let Some(k) = pixels.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
             return Err(TraceError::Pixel { column: k % width, row: k / width, value: pixels[k] });

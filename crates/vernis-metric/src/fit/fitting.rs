@@ -21,7 +21,7 @@ use super::start::{Candidate, ranked};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
 use crate::brdf::models::AnalyticBrdf;
-use crate::io::{Interrupt, Observer, Progress};
+use crate::io::{Count, Interrupt, Observer};
 use crate::math::seed;
 use crate::metric::learned::FAMILY;
 use crate::metric::lp::{LpMetric, LpVariant};
@@ -30,7 +30,6 @@ use rand::Rng;
 use std::any::Any;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A random start moves every coordinate by up to so much.
 const SCATTER: f64 = 1.0;
@@ -172,7 +171,7 @@ impl<'a> Fitting<'a> {
         let coarse = self.metric.coarser(self.coarsening);
         let search_metric = coarse.as_deref().unwrap_or(self.metric);
         let search = loss_of(search_metric, reference, self.coarsening)?;
-        let evaluations = AtomicUsize::new(0);
+        let evaluations = Count::default();
         let starts = self.starts(&space, reference, &*search, &evaluations, observer)?;
         let Searched { outcome, from, spent } = self.search(&space, &starts, &*search, observer)?;
         let is_coarse = self.is_coarse(coarse.is_some());
@@ -220,7 +219,7 @@ impl<'a> Fitting<'a> {
             stop,
             method: self.method.name(),
             start: self.start_or_default().name(),
-            evaluations: evaluations.into_inner() + spent,
+            evaluations: evaluations.done() + spent,
             search_evaluations: spent,
             polish_evaluations,
             history: outcome.history,
@@ -306,12 +305,11 @@ impl<'a> Fitting<'a> {
         space: &Space,
         reference: &dyn Brdf,
         search: &dyn Loss,
-        evaluations: &AtomicUsize,
+        evaluations: &Count,
         observer: Observer<'_>,
     ) -> Result<Starts, FitError> {
         let count = || {
-            let done = evaluations.fetch_add(1, Ordering::Relaxed) + 1;
-            observer("starts", Progress { done, total: 0 });
+            evaluations.one(|progress| observer("starts", progress));
             self.go_on()
         };
         let (mut log, mut rivals) = (None, Rivals::default());

@@ -10,11 +10,11 @@ use super::search::STEP;
 use super::start::{Candidate, staged};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
+use crate::io::Count;
 use crate::metric::MetricError;
 use crate::metric::lp::{Formula, LpVariant};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The loss whose minimum is the start.
 const LOG: LpVariant = LpVariant::new(Formula::D9, true, false);
@@ -60,9 +60,9 @@ impl Fitting<'_> {
         loss: &LpLoss,
         observer: &(dyn Fn() -> ControlFlow<()> + Sync),
     ) -> Result<LogFits, FitError> {
-        let evaluations = AtomicUsize::new(0);
+        let evaluations = Count::default();
         let count = || {
-            evaluations.fetch_add(1, Ordering::Relaxed);
+            evaluations.one(|_| ());
             observer()
         };
         let starts = staged(space, &self.lattice(reference)?, loss, self.starts, &count)?;
@@ -82,7 +82,7 @@ impl Fitting<'_> {
                 distinct.push(found.x);
             }
         }
-        let (model, evaluations) = (self.model.to_owned(), evaluations.into_inner());
+        let (model, evaluations) = (self.model.to_owned(), evaluations.done());
         Ok(LogFits { model, coarsening: self.coarsening, starts: self.starts, candidates, evaluations })
     }
 
@@ -92,12 +92,12 @@ impl Fitting<'_> {
         space: &Space,
         reference: &dyn Brdf,
         loss: &LpLoss,
-        evaluations: &AtomicUsize,
+        evaluations: &Count,
         observer: &(dyn Fn() -> ControlFlow<()> + Sync),
     ) -> Result<Vec<Candidate>, FitError> {
         match &self.log_fits {
             Some(found) => {
-                evaluations.fetch_add(found.evaluations, Ordering::Relaxed);
+                evaluations.more(found.evaluations, |_| ());
                 Ok(found.candidates.clone())
             }
             None => Ok(self.make_log_fits(space, reference, loss, observer)?.candidates),

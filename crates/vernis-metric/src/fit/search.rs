@@ -9,9 +9,8 @@ use super::objective::LossObjective;
 use super::optimizer::{Improvement, Limits, Method, Observer as Watch, Outcome, Patience, StopReason, minimise};
 use super::start::Candidate;
 use super::{FitError, Space};
-use crate::io::{Observer, Progress};
+use crate::io::{Count, Observer, Progress};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// t of the blends before the learned metric itself.
 const BLENDS: [f64; 3] = [0.25, 0.5, 0.75];
@@ -79,10 +78,9 @@ impl Fitting<'_> {
     ) -> Result<Searched, FitError> {
         let objective = LossObjective::new(space, loss, self.method);
         objective.check(self.method)?;
-        let done = AtomicUsize::new(0);
-        let total = self.limits(STEP).max_evaluations * starts.candidates.len();
+        let done = Count::of(self.limits(STEP).max_evaluations * starts.candidates.len());
         let watch = |_| {
-            observer("search", Progress { done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+            done.one(|progress| observer("search", progress));
             self.go_on()
         };
         let from = |(k, start): (usize, &Candidate)| match (&starts.log, self.metric.properties().rough) {
@@ -112,7 +110,7 @@ impl Fitting<'_> {
             return Err(FitError::Start { reason: format!("the loss has no finite value there{why}") });
         };
         objective.undo_power(&mut outcome);
-        Ok(Searched { outcome, from, spent: done.into_inner() })
+        Ok(Searched { outcome, from, spent: done.done() })
     }
 
     /// A search by the method of the fit.

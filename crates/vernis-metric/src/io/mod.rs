@@ -12,6 +12,6 @@ pub use files::{NewFile, open_regular, read_at_most, read_stream_at_most, read_t
 pub use interrupt::Interrupt;
 pub use json::unique_keys;
 pub use lock::{FolderLock, LockError};
-pub use progress::{Observer, Progress, silent};
+pub use progress::{Count, Observer, Progress, silent};
 pub use sealed::{SealError, seal, seal_of, unseal};
 pub use text::{counted, decimals, did_you_mean, for_terminal, nearest, number, one_line, shown};

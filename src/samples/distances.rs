@@ -131,11 +131,11 @@ fn of_group(
         none => none.insert(PreparedMetrics::new(&group.metrics, reference.brdf()?).map_err(failed(first))?),
     };
     let brdfs = missing.iter().map(|&k| candidates[k].brdf()).collect::<Result<Vec<_>, _>>();
-    let together = brdfs.ok().and_then(|brdfs| prepared.measure_all(&brdfs).ok());
     // Where one of them fails, one after the other, so that those before it are kept and it is named.
-    let mut together = together.map(Vec::into_iter);
+    let together = brdfs.ok().and_then(|brdfs| prepared.measure_all(&brdfs).ok()).unwrap_or_default();
+    let mut together = together.into_iter();
     for k in missing {
-        let measured = match together.as_mut().and_then(Iterator::next) {
+        let measured = match together.next() {
             Some(measured) => measured,
             None => prepared.measure(candidates[k].brdf()?).map_err(failed(k))?,
         };

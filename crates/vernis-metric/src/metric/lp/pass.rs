@@ -81,44 +81,75 @@ impl Sums {
     }
 }
 
+/// The reference in one extent, read and prepared where a candidate of the block first needs it.
+struct Side {
+    extent: Extent,
+    reference: Box<ReferenceSide>,
+    read: bool,
+    prepared: bool,
+}
+
+impl Side {
+    fn new(extent: Extent) -> Self {
+        Self { extent, reference: ReferenceSide::new(), read: false, prepared: false }
+    }
+
+    /// Before the next block.
+    fn forget(&mut self) {
+        (self.read, self.prepared) = (false, false);
+    }
+
+    fn read(&mut self, cells: &dyn Cells, i: usize, o: usize) -> Result<(), MetricError> {
+        if !self.read {
+            cells.read(i, o, self.extent, &mut self.reference.block)?;
+            self.reference.block.blacken(self.extent);
+            self.read = true;
+        }
+        Ok(())
+    }
+
+    fn prepare(&mut self, work: &Work) {
+        if !self.prepared {
+            self.reference.prepare(self.extent, work);
+            self.prepared = true;
+        }
+    }
+}
+
 /// The sums of the row theta_i = `i` degrees, one element a candidate.
 fn row(reference: &dyn Cells, candidates: &[&dyn Cells], work: &Work, i: usize) -> Result<Vec<Sums>, MetricError> {
     let mut space = Workspace::new();
     let mut found = vec![Sums::default(); candidates.len()];
-    let is_folded = |candidate: &&dyn Cells| reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
-    let folded: Vec<bool> = candidates.iter().map(is_folded).collect();
-    let side = |extent: Extent| {
-        let wanted = folded.contains(&(extent == Extent::FOLDED));
-        wanted.then(|| (extent, ReferenceSide::new()))
-    };
-    let mut sides = [Extent::WHOLE, Extent::FOLDED].map(side);
+    let (mut whole, mut folded) = (Side::new(Extent::WHOLE), Side::new(Extent::FOLDED));
     // For candidates that lack cells of the reference.
-    let mut fewer: Option<Box<ReferenceSide>> = None;
+    let mut fewer = ReferenceSide::new();
     for o in 0..work.limit {
-        for (extent, side) in sides.iter_mut().flatten() {
-            reference.read(i, o, *extent, &mut side.block)?;
-            side.block.blacken(*extent);
-            side.prepare(*extent, work);
-        }
+        whole.forget();
+        folded.forget();
         let weights = Weights::at(i, o);
-        for ((sums, candidate), &folded) in found.iter_mut().zip(candidates).zip(&folded) {
+        for (sums, candidate) in found.iter_mut().zip(candidates) {
             if o == POLAR_CLAMPED && i < POLAR_CLAMPED {
                 sums.clamped = sums.all.clone();
             }
-            let Some((extent, side)) = &sides[usize::from(folded)] else { continue };
-            candidate.read(i, o, *extent, &mut space.candidate)?;
-            let (count, side) = match space.candidate.mask_within(&side.block, *extent) {
-                Some(count) => (count, side),
+            let mirrored = reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
+            let side = if mirrored { &mut folded } else { &mut whole };
+            let extent = side.extent;
+            side.read(reference, i, o)?;
+            candidate.read(i, o, extent, &mut space.candidate)?;
+            let (count, side) = match space.candidate.mask_within(&side.reference.block, extent) {
+                Some(count) => {
+                    side.prepare(work);
+                    (count, &side.reference)
+                }
                 None => {
-                    let fewer = fewer.get_or_insert_with(ReferenceSide::new);
-                    fewer.block = side.block.clone();
-                    let count = fewer.block.mask(&mut space.candidate, *extent);
-                    fewer.prepare(*extent, work);
-                    (count, &*fewer)
+                    fewer.block = side.reference.block.clone();
+                    let count = fewer.block.mask(&mut space.candidate, extent);
+                    fewer.prepare(extent, work);
+                    (count, &fewer)
                 }
             };
             sums.all.cells += count;
-            for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(side, *extent, weights.cosine, work)) {
+            for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(side, extent, weights.cosine, work)) {
                 add(&block, &weights, terms);
             }
         }

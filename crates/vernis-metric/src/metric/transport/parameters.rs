@@ -43,8 +43,8 @@ const LONG_BASE: f64 = 4.0;
 /// Where cells are clustered instead (p = 1, and alpha beyond 20 blurs), errors depend on the number of cells. On the pairs of the golden
 /// values with alpha up to 4 blurs, 3,000 clusters are off by 0.1 % of 6,912 cells, by 0.5 % of 32,000, and by about 1 % of
 /// the study's 364,500 (nearly equal BRDFs by up to 6 %, there against 10,000 clusters, for nothing exact can be had); with longer bases
-/// by 3 to 5 %, 6,000 clusters by 2 %. On the study's grid every doubling of the clusters moves a distance by some 0.7 of what the one
-/// before did: NBRDF of `alum-bronze` against its low microfacet fit is 0.3292, 0.3301, 0.3308, 0.3313, 0.3317 and 0.3319 with 750 to
+/// by 3 to 5 %, 6,000 clusters by 2 %. On the study's grid each doubling of the clusters changes a distance by about 0.7 times as
+/// much as the doubling before: NBRDF of `alum-bronze` against its low microfacet fit is 0.3292, 0.3301, 0.3308, 0.3313, 0.3317 and 0.3319 with 750 to
 /// 24,000 clusters, so that 3,000 are some 0.4 % below the limit. Three more pairs, two of them nearly equal, are off by 0.0 to 0.6 %
 /// against 12,000.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

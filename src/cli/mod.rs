@@ -43,6 +43,7 @@ mod study;
 mod study_input;
 mod sweep;
 mod table;
+mod threads;
 #[cfg(feature = "train")]
 mod train;
 mod view;
@@ -57,9 +58,6 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use vernis_metric::io::{for_terminal, one_line};
-
-/// Beyond the cores of any one machine; far more threads than cores take minutes to start.
-const MOST_THREADS: usize = 1024;
 
 #[derive(Parser)]
 #[command(name = "vernis", version, about = "How different do two materials look? Perceptual metrics for BRDFs.")]
@@ -261,23 +259,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     }
 }
 
-/// Starts the worker threads, which otherwise start at their first use and end the program where they cannot.
-fn start_threads(asked: Option<usize>) -> Result<()> {
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    let mut what = "the worker threads (one per core)".to_owned();
-    if let Some(n) = asked {
-        if !(1..=MOST_THREADS).contains(&n) {
-            return Err(user_error(format!("--threads is {n}; it must be 1 to {MOST_THREADS}")));
-        }
-        pool = pool.num_threads(n);
-        what = format!("{n} worker threads");
-    }
-    let failed = |e| anyhow::anyhow!("{what} cannot be started ({e}); ask for fewer with --threads");
-    pool.build_global().map_err(failed)
-}
-
 fn dispatch(cli: Cli) -> Result<()> {
-    start_threads(cli.shared.threads)?;
+    threads::start(cli.shared.threads)?;
     match cli.command {
         #[cfg(feature = "train")]
         Command::Train(args) => train::train(&cli.shared, args),

@@ -8,7 +8,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
-use vernis_metric::io::{Interrupt, Observer, Progress};
+use vernis_metric::io::{Interrupt, Observer, Progress, start_threads};
 
 /// How often long work looks for Ctrl-C and tells its progress.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -22,9 +22,18 @@ fn fault_of(panic: &(dyn Any + Send)) -> Fault {
     Fault::Failed(format!("a fault of vernis, please report it: {}", said.unwrap_or_else(|| "no message".to_owned())))
 }
 
+/// The pool that all work uses, started at its first use.
+fn start_workers() -> Result<(), Fault> {
+    let advice = "ask for fewer with the variable RAYON_NUM_THREADS, which a process reads once";
+    start_threads(None).map_err(|error| Fault::Failed(format!("{error}; {advice}")))
+}
+
 /// Runs work of at most some seconds without the lock.
 pub fn short<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, Fault> + Send) -> Result<T, Fault> {
-    py.detach(|| catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(fault_of(&*panic))))
+    py.detach(|| {
+        start_workers()?;
+        catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(fault_of(&*panic)))
+    })
 }
 
 /// Runs work of minutes on a thread of its own. This thread looks for Ctrl-C and calls `progress(stage, done, total)` with the
@@ -48,6 +57,7 @@ pub fn long<T: Send>(
         let Some((callback, (stage, p))) = progress.zip(lock().take()) else { return Ok(()) };
         callback.call1(py, (stage, p.done, p.total)).map(drop)
     };
+    py.detach(start_workers)?;
     let mut raised = None;
     let finished = py.detach(|| {
         let (sender, receiver) = channel();

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -213,6 +214,16 @@ def test_the_operators_come_from_the_cache(cache, plastic) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     # A second process takes what is there, and writes nothing.
     assert done.stdout == "0.0\n" and kept() == before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the address space of a process")
+def test_a_machine_without_room_for_the_threads_says_so() -> None:
+    code = "import vernis; a = vernis.model('lambert', kd=0.2); print(vernis.metric('D9.Cl')(a, a))"
+    limited = ["sh", "-c", 'ulimit -v 3000000; exec "$@"', "sh", sys.executable, "-c", code]
+    many = {**os.environ, "RAYON_NUM_THREADS": "4096"}
+    done = subprocess.run(limited, capture_output=True, text=True, env=many)
+    last = done.stderr.splitlines()[-1]
+    assert done.returncode == 1 and last.startswith("vernis.Error: the worker threads") and "RAYON_NUM_THREADS" in last, done.stderr
 
 
 def test_the_package_teaches() -> None:

@@ -43,7 +43,6 @@ mod study;
 mod study_input;
 mod sweep;
 mod table;
-mod threads;
 #[cfg(feature = "train")]
 mod train;
 mod view;
@@ -55,9 +54,13 @@ use clap::{Args, Parser, Subcommand};
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Mutex;
-use vernis_metric::io::{for_terminal, one_line};
+use vernis_metric::io::{for_terminal, one_line, start_threads};
+
+/// Beyond the cores of any one machine; far more threads than cores take minutes to start.
+const MOST_THREADS: usize = 1024;
 
 #[derive(Parser)]
 #[command(name = "vernis", version, about = "How different do two materials look? Perceptual metrics for BRDFs.")]
@@ -259,8 +262,16 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     }
 }
 
+fn start_workers(asked: Option<usize>) -> Result<()> {
+    let allowed = |n: &usize| (1..=MOST_THREADS).contains(n);
+    if let Some(n) = asked.filter(|n| !allowed(n)) {
+        return Err(user_error(format!("--threads is {n}; it must be 1 to {MOST_THREADS}")));
+    }
+    start_threads(asked.and_then(NonZeroUsize::new)).map_err(|e| anyhow::anyhow!("{e}; ask for fewer with --threads"))
+}
+
 fn dispatch(cli: Cli) -> Result<()> {
-    threads::start(cli.shared.threads)?;
+    start_workers(cli.shared.threads)?;
     match cli.command {
         #[cfg(feature = "train")]
         Command::Train(args) => train::train(&cli.shared, args),

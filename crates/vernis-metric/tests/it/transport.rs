@@ -117,6 +117,24 @@ fn clusters_are_near_geomloss() {
     }
 }
 
+/// Of 6,912 cells, against sums over all of them, which agree with GeomLoss on the grids of its values.
+#[test]
+fn what_clusters_settle_to_is_near_sums_over_all_cells() {
+    let grid = grid(12, 12, 48);
+    let clustered = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
+    assert_eq!(clustered.method(grid).unwrap(), Method::Clustered { clusters: 3000 });
+    let all = clustered.with_accuracy(Accuracy { clusters: 6912, ..clustered.accuracy() }).unwrap();
+    for pair in GOLDEN {
+        let [a, b] = pair.models.map(|models| models[0].graph(grid, fourth_root));
+        let (found, expected) = (between(&clustered, grid, &a, &b), between(&all, grid, &a, &b));
+        println!("{}: {found:e} {expected:e} {:.1e}", pair.name, found / expected - 1.0);
+        assert!((found - expected).abs() <= 3e-3 * expected, "{}: {found} {expected}", pair.name);
+        let back = between(&clustered, grid, &b, &a);
+        assert!((found - back).abs() <= 1e-9 * found, "{}: {found} {back}", pair.name);
+        assert_eq!(between(&clustered, grid, &b, &b), 0.0);
+    }
+}
+
 /// Epsilons that fall by more than sums of exponentials allow: each softmin by itself.
 #[test]
 fn steep_annealings_agree_with_sums_over_all_pairs() {
@@ -554,10 +572,15 @@ fn gradient_agrees_with_finite_differences() {
 /// Along a parameter of the candidate's model, so that cells cluster in the same way on both sides of the step.
 #[test]
 fn gradient_of_clusters_agrees_with_finite_differences() {
-    let grid = grid(10, 9, 32);
-    for (cost, clusters) in
-        [(GroundCost::Distance, 900), (GroundCost::Distance, 300), (GroundCost::SquaredDistance, 300)]
-    {
+    let (small, large) = (grid(10, 9, 32), grid(12, 12, 32));
+    let distance = GroundCost::Distance;
+    for (grid, cost, clusters) in [
+        (small, distance, 900),
+        (small, distance, 300),
+        (small, GroundCost::SquaredDistance, 300),
+        // So many that the divergence is what it settles to.
+        (large, distance, 2500),
+    ] {
         // So long a base that squares are clustered as well.
         let alpha = if cost == GroundCost::Distance { 0.1 } else { 1.01 };
         let parameters = parameters(cost, alpha, 0.05, 0.8);

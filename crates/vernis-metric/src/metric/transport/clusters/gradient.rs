@@ -15,12 +15,27 @@ use super::super::elementary::{LANES, Lanes, exp, fma};
 use super::super::{GroundCost, SinkhornParameters};
 use super::kernel::{Diagonal, Kernel, Meeting, levels, squares};
 use super::measure::{Clusters, SPREAD, Side, lanes};
-use super::{Graphs, Potentials};
+use super::{Graphs, Potentials, terms};
 use multiversion::multiversion;
 use multiversion::target::target_cfg_f;
 
 /// The divergence of two graphs in at most `count` clusters, and its derivative with respect to the values of b, 0 where no cell is valid.
 pub(in crate::metric::transport) fn divergence_and_gradient(
+    parameters: &SinkhornParameters,
+    annealing: &Annealing,
+    graphs: &Graphs<'_>,
+    count: usize,
+) -> (f64, Vec<f64>) {
+    let mut found = (0.0, vec![0.0; graphs.b.len()]);
+    for (count, factor) in terms(parameters.cost(), graphs, count) {
+        let (value, gradient) = of_clusters(parameters, annealing, graphs, count);
+        found.0 += factor * value;
+        found.1.iter_mut().zip(gradient).for_each(|(all, own)| *all += factor * own);
+    }
+    found
+}
+
+fn of_clusters(
     parameters: &SinkhornParameters,
     annealing: &Annealing,
     graphs: &Graphs<'_>,

@@ -10,7 +10,15 @@
 //! pair change by the logarithms of these sums, which takes one exponential for two softmins and no search for the largest exponent. Where
 //! epsilon falls so fast that sums leave the range of numbers, each softmin is taken by itself.
 //!
-//! Cost: for M clusters 2 M^2 exponentials an epsilon. Rows are summed in order: the bytes do not depend on the number of threads.
+//! For p = 1 divergences settle slowly as clusters get smaller, most of them from below. So the divergence is, of N clusters of M cells,
+//!
+//!   W = W_N + (1 - sqrt(N/M))^2 (W_N - W_{N/4})
+//!
+//! On 20 pairs of the open study and two of analytic models, on the study's grid, W_3000 is off by 0.69 % (root of the mean square) and at most 1.19 %,
+//! W by 0.32 % and at most 0.66 %, against what 3,000 and 12,000 clusters settle to by the law 1/sqrt(N); on 15 x 15 x 60 cells, against exact sums of 12 pairs, 0.16 and 0.38 %
+//! become 0.10 and 0.25 %. The square was chosen on these pairs.
+//!
+//! Cost: for N clusters 2 N^2 exponentials an epsilon. Rows are summed in order: the bytes do not depend on the number of threads.
 
 mod gradient;
 mod kernel;
@@ -20,8 +28,8 @@ mod partition;
 pub(super) use gradient::divergence_and_gradient;
 pub(super) use partition::Graphs;
 
-use super::SinkhornParameters;
 use super::annealing::{Annealing, Step};
+use super::{GroundCost, SinkhornParameters};
 use kernel::{Kernel, Meeting, Sums};
 use measure::Clusters;
 
@@ -86,6 +94,19 @@ fn update(
     (moved(f, g, false), if meeting == Meeting::Both { moved(g, f, true) } else { Vec::new() })
 }
 
+/// Fewer clusters than this are taken as they are: a quarter of them would be too few to tell where the divergence settles.
+const FEWEST_EXTRAPOLATED: usize = 2500;
+
+/// Numbers of clusters, and the factors with which their divergences are added up: where the divergence for p = 1 settles.
+fn terms(cost: GroundCost, graphs: &Graphs<'_>, count: usize) -> Vec<(usize, f64)> {
+    let cells = graphs.cells();
+    if cost == GroundCost::SquaredDistance || count < FEWEST_EXTRAPOLATED || count >= cells {
+        return vec![(count, 1.0)];
+    }
+    let weight = (1.0 - (count as f64 / cells as f64).sqrt()).powi(2);
+    vec![(count, 1.0 + weight), (count / 4, -weight)]
+}
+
 /// The divergence of two graphs in at most `count` clusters.
 pub(super) fn divergence(
     parameters: &SinkhornParameters,
@@ -93,12 +114,16 @@ pub(super) fn divergence(
     graphs: &Graphs<'_>,
     count: usize,
 ) -> f64 {
-    let clusters = Clusters::new(graphs, count);
+    let of = |(count, factor)| factor * of_clusters(parameters, annealing, &Clusters::new(graphs, count));
+    terms(parameters.cost(), graphs, count).into_iter().map(of).sum()
+}
+
+fn of_clusters(parameters: &SinkhornParameters, annealing: &Annealing, clusters: &Clusters) -> f64 {
     if clusters.are_equal() {
         return 0.0;
     }
     let update = |old: Potentials, Step { epsilon, keep, .. }| {
-        old.updated(&Kernel { cost: parameters.cost(), epsilon }, keep, &clusters)
+        old.updated(&Kernel { cost: parameters.cost(), epsilon }, keep, clusters)
     };
-    annealing.updates().fold(Potentials::zero(clusters.len()), update).value(&clusters)
+    annealing.updates().fold(Potentials::zero(clusters.len()), update).value(clusters)
 }

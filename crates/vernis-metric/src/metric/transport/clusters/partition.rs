@@ -61,6 +61,11 @@ impl Graphs<'_> {
         self.valid.is_none_or(|valid| valid[cell])
     }
 
+    /// Number of valid cells.
+    pub fn cells(&self) -> usize {
+        self.valid.map_or(self.grid.len(), |valid| valid.iter().filter(|valid| **valid).count())
+    }
+
     /// At most `count` boxes that hold every valid cell, in the order of their first cells.
     pub fn boxes(&self, count: usize) -> Vec<CellBox> {
         let whole = CellBox { ranges: self.grid.shape().map(|n| 0..n) };

@@ -1,12 +1,11 @@
-"""How far distances for p = 1 are from what they settle to as clusters get smaller.
+"""How far distances for p = 1 are from what they settle to as clusters of cells get smaller.
 
     pip install ./python
     python experiments/transport/settling.py DATA [--pairs 20] [--grids 15x15x60,45x45x180]
 
-DATA is the data folder; the pairs are evenly spaced when those of seven methods are ordered by rating. On grids of up to 32,000 cells the reference is
-the sum over all pairs of cells; on larger ones it is what 12,000 clusters settle to. Prints the errors of each accuracy in per cent of the distance, which is the fourth root of the divergence:
-errors of the divergence are four times as large. A pair of the study's grid takes half a minute on two cores, and its settings of `--grids` are journaled
-line by line on standard output.
+DATA is the data folder. The pairs are evenly spaced when those of seven methods are ordered by rating. On grids of up to 32,000 cells the reference is the sum
+over all pairs of cells; on larger ones it is what 12,000 clusters settle to. Prints the errors of each accuracy, in per cent of the distance, which is the
+fourth root of the divergence: errors of the divergence are four times as large. A pair takes half a minute on two cores; each is printed when it is done.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ MOST_CELLS = 32_000
 def pairs_of(data: Path, count: int) -> list[tuple[str, str]]:
     """Reference and candidate of `count` rated pairs, evenly spaced by rating."""
     with zipfile.ZipFile(data / REFERENCES) as archive:
-        materials = {Path(name).name.split(".")[0].split("_")[0] for name in archive.namelist()}
+        materials = {Path(name).stem for name in archive.namelist()}
     with open(data / "lavoue2021/PerceptualDistances.csv", newline="") as file:
         rows = [row for row in csv.DictReader(file, delimiter=";") if row["METHOD"] in CANDIDATES and row["BRDF"] in materials]
     rows.sort(key=lambda row: (float(row["DISTANCE"]), row["BRDF"], row["METHOD"]))

@@ -47,8 +47,10 @@ fn start(asked: Option<NonZeroUsize>) -> Result<(), ThreadsError> {
         is_ready.recv().map_err(io::Error::other)
     };
     pool.start_handler(started).spawn_handler(start_one).build_global().map_err(|cause| ThreadsError {
-        threads: asked
-            .map_or_else(|| "the worker threads (one per core)".to_owned(), |n| format!("{n} worker threads")),
+        threads: asked.map_or_else(
+            || "the worker threads (one per core, or as many as RAYON_NUM_THREADS says)".to_owned(),
+            |n| format!("{n} worker threads"),
+        ),
         cause: cause.to_string(),
     })
 }

@@ -27,8 +27,8 @@ pub(in crate::metric::transport) fn divergence_and_gradient(
     count: usize,
 ) -> (f64, Vec<f64>) {
     let mut found = (0.0, vec![0.0; graphs.b.len()]);
-    for (count, factor) in terms(parameters.cost(), graphs, count) {
-        let (value, gradient) = of_clusters(parameters, annealing, graphs, count);
+    for (clusters, factor) in terms(parameters.cost(), graphs, count) {
+        let (value, gradient) = of_clusters(parameters, annealing, graphs, &clusters);
         found.0 += factor * value;
         found.1.iter_mut().zip(gradient).for_each(|(all, own)| *all += factor * own);
     }
@@ -39,18 +39,17 @@ fn of_clusters(
     parameters: &SinkhornParameters,
     annealing: &Annealing,
     graphs: &Graphs<'_>,
-    count: usize,
+    clusters: &Clusters,
 ) -> (f64, Vec<f64>) {
-    let clusters = Clusters::new(graphs, count);
     let updates: Vec<Step> = annealing.updates().collect();
     let kernel = |epsilon| Kernel { cost: parameters.cost(), epsilon };
     let mut states = vec![Potentials::zero(clusters.len())];
     for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate() {
-        let next = states[k].updated(&kernel(epsilon), keep, &clusters);
+        let next = states[k].updated(&kernel(epsilon), keep, clusters);
         states.push(next);
     }
-    let value = states[updates.len()].value(&clusters);
-    let mut reverse = Reverse::new(&clusters);
+    let value = states[updates.len()].value(clusters);
+    let mut reverse = Reverse::new(clusters);
     for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate().rev() {
         reverse.step(&kernel(epsilon), keep, &states[k], &states[k + 1]);
     }

@@ -1,7 +1,7 @@
 //! Two graphs as clusters: one for each box of cells, with the same base on both sides.
 
 use super::super::elementary::{LANES, Lanes};
-use super::partition::Graphs;
+use super::partition::{CellBox, Graphs};
 
 /// Within a cluster cells vary; of their squared distances from the mean, what counts as distance between cells of different
 /// clusters, for the base and for the values: about what lies across the way between them. Chosen on the pairs of the golden values,
@@ -53,7 +53,7 @@ fn moments(cells: &[u32], value: impl Fn(usize) -> f64) -> (f64, f64) {
 }
 
 impl Clusters {
-    pub fn new(graphs: &Graphs<'_>, count: usize) -> Self {
+    pub fn new(graphs: &Graphs<'_>, boxes: Vec<CellBox>) -> Self {
         let [_, n_o, n_phi] = graphs.grid.shape();
         let places: [fn(usize, usize, usize) -> usize; 3] = [
             |cell, n_o, n_phi| cell / (n_o * n_phi),
@@ -62,7 +62,7 @@ impl Clusters {
         ];
         let (mut cells, mut starts) = (Vec::new(), vec![0]);
         let mut columns: [Vec<f64>; 7] = Default::default();
-        for found in graphs.boxes(count) {
+        for found in boxes {
             let first = cells.len();
             let of_box = found.rows(graphs.grid).flat_map(|(_, _, row)| row).filter(|&cell| graphs.is_valid(cell));
             cells.extend(of_box.map(|cell| cell as u32));

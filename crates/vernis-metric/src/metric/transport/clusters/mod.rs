@@ -97,14 +97,16 @@ fn update(
 /// Fewer clusters than this are taken as they are: a quarter of them would be too few to tell where the divergence settles.
 const FEWEST_EXTRAPOLATED: usize = 2500;
 
-/// Numbers of clusters, and the factors with which their divergences are added up: where the divergence for p = 1 settles.
-fn terms(cost: GroundCost, graphs: &Graphs<'_>, count: usize) -> Vec<(usize, f64)> {
+/// Clusters, and the factors with which their divergences are added up: where the divergence for p = 1 settles.
+fn terms(cost: GroundCost, graphs: &Graphs<'_>, count: usize) -> Vec<(Clusters, f64)> {
     let cells = graphs.cells();
-    if cost == GroundCost::SquaredDistance || count < FEWEST_EXTRAPOLATED || count >= cells {
-        return vec![(count, 1.0)];
-    }
-    let weight = (1.0 - (count as f64 / cells as f64).sqrt()).powi(2);
-    vec![(count, 1.0 + weight), (count / 4, -weight)]
+    let (counts, factors) = if cost == GroundCost::SquaredDistance || count < FEWEST_EXTRAPOLATED || count >= cells {
+        (vec![count], vec![1.0])
+    } else {
+        let weight = (1.0 - (count as f64 / cells as f64).sqrt()).powi(2);
+        (vec![count / 4, count], vec![-weight, 1.0 + weight])
+    };
+    graphs.boxes(&counts).into_iter().map(|boxes| Clusters::new(graphs, boxes)).zip(factors).collect()
 }
 
 /// The divergence of two graphs in at most `count` clusters.
@@ -114,8 +116,8 @@ pub(super) fn divergence(
     graphs: &Graphs<'_>,
     count: usize,
 ) -> f64 {
-    let of = |(count, factor)| factor * of_clusters(parameters, annealing, &Clusters::new(graphs, count));
-    terms(parameters.cost(), graphs, count).into_iter().map(of).sum()
+    let terms = terms(parameters.cost(), graphs, count);
+    terms.iter().map(|(clusters, factor)| factor * of_clusters(parameters, annealing, clusters)).sum()
 }
 
 fn of_clusters(parameters: &SinkhornParameters, annealing: &Annealing, clusters: &Clusters) -> f64 {

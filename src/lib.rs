@@ -1,21 +1,16 @@
 //! How different do two materials look? A trainer for perceptual BRDF metrics.
 
 pub mod cli;
-pub mod dataset;
-pub mod evaluation;
 pub mod experiment;
-pub mod panel;
 pub mod prelude;
 pub mod report;
-pub mod samples;
-pub mod train;
 
 /// The stimuli, path traced, and metrics that look at pictures.
 pub use vernis_image as image;
 pub use vernis_metric::{brdf, descriptor, fit, io, light, math, metric};
+/// Studies, what is learned from them, and how well it agrees with people.
+pub use vernis_study::{csv, dataset, evaluation, panel, samples, train};
 
-/// Records and errors of [`dataset::csv_table`].
-pub use csv;
 /// Markup of the pages in [`report::page`] and of [`report::tables::Table`].
 pub use maud;
 /// Matrices and vectors of the public signatures, the random generator of [`math::seed`], and JSON values.

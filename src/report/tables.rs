@@ -179,7 +179,7 @@ pub fn differences(record: &BenchmarkRecord) -> Table {
         };
         table.rows.push(vec![
             format!("{} - {}", found.a, found.b),
-            label(found.figure).to_owned(),
+            found.figure.label().to_owned(),
             rows,
             signed(found.paired.difference),
             interval(found.paired.interval, signed),
@@ -358,18 +358,6 @@ pub fn defeat(record: &BenchmarkRecord) -> Option<String> {
 /// The metric that the run is about.
 pub(super) fn subject(record: &BenchmarkRecord) -> &str {
     record.headline.first().map_or("the metric", String::as_str)
-}
-
-/// How tables and axes call a figure.
-pub(super) fn label(figure: Figure) -> &'static str {
-    match figure {
-        Figure::PlccRaw => "raw PLCC",
-        Figure::Plcc => "PLCC",
-        Figure::Srocc => "SROCC",
-        Figure::Krocc => "KROCC",
-        Figure::Rmse => "RMSE",
-        Figure::WithinMaterialSrocc => "within-material SROCC",
-    }
 }
 
 fn plain(x: f64) -> String {

@@ -4,10 +4,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A package, the folder of its library, and its rooms, top to bottom.
-const PACKAGES: [(&str, &str, &[&str]); 3] = [
+/// A package, the folder of its library, and its rooms, top to bottom; with rooms of `vernis-study` where `vernis` names them as its own.
+const PACKAGES: [(&str, &str, &[&str]); 4] = [
     ("vernis-metric", "crates/vernis-metric/src", &["math", "io", "brdf", "light", "descriptor", "metric", "fit"]),
     ("vernis-image", "crates/vernis-image/src", &["picture", "scene", "trace", "display", "metric", "stimulus"]),
+    ("vernis-study", "crates/vernis-study/src", &["dataset", "samples", "train", "evaluation", "panel"]),
     ("vernis", "src", &["dataset", "samples", "train", "evaluation", "experiment", "panel", "report", "cli"]),
 ];
 
@@ -98,7 +99,7 @@ fn every_room_is_listed() {
 
 #[test]
 fn burn_is_named_where_networks_are() {
-    let rooms = [("src", "train/neural/"), ("crates/vernis-image/src", "metric/network/")];
+    let rooms = [("crates/vernis-study/src", "train/neural/"), ("crates/vernis-image/src", "metric/network/")];
     let mut seen = [0; 2];
     for (_, folder, _) in PACKAGES {
         for (_, inside, code) in sources(folder) {

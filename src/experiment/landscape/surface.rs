@@ -65,6 +65,10 @@ impl Brdf for Surface {
         true
     }
 
+    fn is_reciprocal(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return Some([0.0; 3]);

@@ -47,6 +47,12 @@ pub trait Brdf: Send + Sync {
         false
     }
 
+    /// Whether the value stays the same, up to rounding, when the two directions are exchanged (Helmholtz reciprocity). Where a BRDF is
+    /// its own mirror image too, readers then evaluate half of the pairs of polar angles.
+    fn is_reciprocal(&self) -> bool {
+        false
+    }
+
     /// The table behind this BRDF, if it is one: lets a reader of tables avoid evaluating cell by cell.
     fn as_table(&self) -> Option<&TabulatedBrdf> {
         None

@@ -177,6 +177,10 @@ macro_rules! model {
                 self.formula(wi, wo)
             }
 
+            fn reciprocal(&self) -> bool {
+                true
+            }
+
             fn as_differentiable(&self) -> Option<&dyn $crate::brdf::models::DifferentiableBrdf> {
                 Some(self)
             }

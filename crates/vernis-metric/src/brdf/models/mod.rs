@@ -113,6 +113,11 @@ pub trait AnalyticBrdf: Brdf {
     /// Value for two directions above the horizon (linear RGB, 1/sr, cosine NOT included).
     fn value(&self, wi: Vec3, wo: Vec3) -> Rgb;
 
+    /// [`Brdf::is_reciprocal`] of this model: whether its formula is, and has no steps that rounding could cross.
+    fn reciprocal(&self) -> bool {
+        false
+    }
+
     /// The model with its parameter gradient, if it has one.
     fn as_differentiable(&self) -> Option<&dyn DifferentiableBrdf> {
         None
@@ -130,6 +135,10 @@ pub trait DifferentiableBrdf: AnalyticBrdf {
 impl<M: AnalyticBrdf> Brdf for M {
     fn is_mirror_symmetric(&self) -> bool {
         true
+    }
+
+    fn is_reciprocal(&self) -> bool {
+        self.reciprocal()
     }
 
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {

@@ -211,6 +211,10 @@ impl AnalyticBrdf for Principled {
         self.formula(wi, wo)
     }
 
+    fn reciprocal(&self) -> bool {
+        true
+    }
+
     fn as_differentiable(&self) -> Option<&dyn DifferentiableBrdf> {
         Some(self)
     }

@@ -97,6 +97,10 @@ impl AnalyticBrdf for Sum {
         sum
     }
 
+    fn reciprocal(&self) -> bool {
+        self.terms.iter().all(|term| term.model.reciprocal())
+    }
+
     fn as_differentiable(&self) -> Option<&dyn DifferentiableBrdf> {
         self.terms.iter().all(|t| t.model.as_differentiable().is_some()).then_some(self)
     }

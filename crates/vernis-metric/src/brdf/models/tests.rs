@@ -1,6 +1,7 @@
 //! Laws that hold for every model: reciprocity, energy, the checked rebuild; values worked out by hand.
 
 use super::*;
+use crate::brdf::Grid;
 use crate::math::coordinates::standard_directions;
 use crate::math::seed;
 use rand::Rng;
@@ -59,6 +60,29 @@ fn every_model_is_listed_reciprocal_and_finite() {
         }
         let below = Vec3::new(0.6, 0.0, -0.8);
         assert_eq!(model.eval(below, Vec3::new(0.0, 0.0, 1.0)), Some([0.0; 3]), "{}", model.model());
+    }
+}
+
+/// Readers that evaluate half of a grid take the other half from it, to 1e-10 of a value.
+#[test]
+fn models_that_say_so_are_reciprocal_on_the_grid() {
+    let azimuth = |wi: Vec3, wo: Vec3| (wi.x * wo.y - wi.y * wo.x).atan2(wi.x * wo.x + wi.y * wo.y);
+    let models: Vec<_> = all().into_iter().filter(|m| m.is_reciprocal()).collect();
+    assert!(models.len() > MODELS.len() / 2, "{}", models.len());
+    let directions = Grid::TITOPO.all_directions();
+    for (i, o) in (0..90).step_by(7).flat_map(|i| (i..90).step_by(6).map(move |o| (i, o))) {
+        for k in (0..360).step_by(5) {
+            let ((wi, wo), (other_wi, other_wo)) = (directions.at([i, o, k]), directions.at([o, i, k]));
+            assert!(i == 0 || (azimuth(wi, wo).abs() - azimuth(other_wi, other_wo).abs()).abs() < 1e-12);
+            for model in &models {
+                let (Some(a), Some(b)) = (model.eval(wi, wo), model.eval(other_wi, other_wo)) else {
+                    panic!("{}: a model has a value everywhere", model.model());
+                };
+                for (a, b) in a.into_iter().zip(b) {
+                    assert!((a - b).abs() <= 1e-10 * a.abs(), "{} at {i}, {o}, {k}: {a} {b}", model.model());
+                }
+            }
+        }
     }
 }
 

@@ -119,6 +119,16 @@ pub(super) trait Cells: Send + Sync {
 
     /// Whether every block is its own mirror image, azimuth k the same as 360 - k: it may be read folded.
     fn is_mirror_symmetric(&self) -> bool;
+
+    /// Whether the blocks at (i, o) and (o, i) are the same, up to rounding.
+    fn is_exchangeable(&self) -> bool {
+        false
+    }
+}
+
+/// Whether the blocks of a BRDF at (i, o) and (o, i) are the same: exchanging the directions turns phi_d into -phi_d.
+fn exchangeable(brdf: &dyn Brdf) -> bool {
+    brdf.is_mirror_symmetric() && brdf.is_reciprocal()
 }
 
 fn range(i: usize, o: usize) -> std::ops::Range<usize> {
@@ -196,31 +206,45 @@ impl Cells for Evaluated<'_> {
     fn is_mirror_symmetric(&self) -> bool {
         self.brdf.is_mirror_symmetric()
     }
+
+    fn is_exchangeable(&self) -> bool {
+        exchangeable(self.brdf)
+    }
 }
 
 /// A BRDF that has been evaluated once, to be compared many times.
 struct Samples {
-    /// By theta_i, theta_o: what [`Evaluated::evaluate`] gave.
+    /// By theta_i, theta_o: what [`Evaluated::evaluate`] gave. Empty where theta_o < theta_i, if it is exchangeable.
     blocks: Vec<Vec<Option<Rgb>>>,
     mirror_symmetric: bool,
+    exchangeable: bool,
 }
 
 impl Samples {
     fn of(brdf: &Evaluated) -> Result<Self, MetricError> {
-        let block = |k: usize| brdf.evaluate(k / POLAR, k % POLAR);
+        let exchangeable = exchangeable(brdf.brdf);
+        let block = |k: usize| match (k / POLAR, k % POLAR) {
+            (i, o) if exchangeable && o < i => Ok(vec![]),
+            (i, o) => brdf.evaluate(i, o),
+        };
         let blocks = (0..POLAR * POLAR).into_par_iter().map(block).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { blocks, mirror_symmetric: brdf.brdf.is_mirror_symmetric() })
+        Ok(Self { blocks, mirror_symmetric: brdf.brdf.is_mirror_symmetric(), exchangeable })
     }
 }
 
 impl Cells for Samples {
     fn read(&self, i: usize, o: usize, extent: Extent, block: &mut Block) -> Result<(), MetricError> {
+        let (i, o) = if self.exchangeable { (i.min(o), i.max(o)) } else { (i, o) };
         block.place(&self.blocks[i * POLAR + o], extent);
         Ok(())
     }
 
     fn is_mirror_symmetric(&self) -> bool {
         self.mirror_symmetric
+    }
+
+    fn is_exchangeable(&self) -> bool {
+        self.exchangeable
     }
 }
 

@@ -71,7 +71,7 @@ pub(crate) const AZIMUTHS: usize = 360;
 /// Keeps logarithms and the cosine weight away from zero.
 const EPSILON: f64 = 1e-3;
 
-/// A reference that has been evaluated, to be compared with many candidates: 47 MB for a formula, 93 MB for a network,
+/// A reference that has been evaluated, to be compared with many candidates: 24 MB for a reciprocal formula, 93 MB for a network,
 /// 38 MB for a table.
 pub struct LpReference {
     cells: Box<dyn Cells>,

@@ -1,7 +1,8 @@
 //! The one pass over a reference and its candidates: blocks in parallel rows, added up in a fixed order.
 //!
 //! What a block of the reference needs alone (cube roots, colour coordinates: a third of the work of a pair) is computed once for all
-//! candidates. The sums are those of a pass for each candidate alone, to the last bit.
+//! candidates. The sums are those of a pass for each candidate alone, to the last bit. Of BRDFs that are reciprocal and their own mirror
+//! images, the block at (theta_i, theta_o) stands for the one at (theta_o, theta_i) too: half of the evaluations and sums.
 
 use super::POLAR_CLAMPED;
 use super::block::{Cells, Extent};
@@ -126,11 +127,17 @@ fn row(reference: &dyn Cells, candidates: &[&dyn Cells], work: &Work, i: usize) 
     for o in 0..work.limit {
         whole.forget();
         folded.forget();
-        let weights = Weights::at(i, o);
+        let (weights, of_exchanged) = (Weights::at(i, o), Weights::at(o, i));
         for (sums, candidate) in found.iter_mut().zip(candidates) {
             if o == POLAR_CLAMPED && i < POLAR_CLAMPED {
                 sums.clamped = sums.all.clone();
             }
+            // One block then stands for (i, o) and (o, i): their sums before the weights are the same.
+            let exchangeable = reference.is_exchangeable() && candidate.is_exchangeable();
+            if exchangeable && o < i {
+                continue;
+            }
+            let exchanged = exchangeable && o > i;
             let mirrored = reference.is_mirror_symmetric() && candidate.is_mirror_symmetric();
             let side = if mirrored { &mut folded } else { &mut whole };
             let extent = side.extent;
@@ -148,9 +155,12 @@ fn row(reference: &dyn Cells, candidates: &[&dyn Cells], work: &Work, i: usize) 
                     (count, &fewer)
                 }
             };
-            sums.all.cells += count;
+            sums.all.cells += if exchanged { 2 * count } else { count };
             for (terms, block) in sums.all.terms.iter_mut().zip(space.sums(side, extent, weights.cosine, work)) {
                 add(&block, &weights, terms);
+                if exchanged {
+                    add(&block, &of_exchanged, terms);
+                }
             }
         }
     }
@@ -179,7 +189,7 @@ mod tests {
     use crate::math::seed::stream;
     use crate::math::{Rgb, Vec3};
     use crate::metric::Side;
-    use crate::metric::lp::block::{Block, cells};
+    use crate::metric::lp::block::{Block, cells, owned_cells};
     use crate::metric::lp::formula::CellFormula;
     use crate::metric::lp::kernel::{STUDY_XYZ, study_lab};
     use crate::metric::lp::{AZIMUTHS, EPSILON, POLAR};
@@ -258,7 +268,7 @@ mod tests {
         }
     }
 
-    /// Hides that a BRDF is its own mirror image.
+    /// Hides that a BRDF is its own mirror image, and that it is reciprocal.
     struct Whole<B>(B);
 
     impl<B: Brdf> Brdf for Whole<B> {
@@ -267,8 +277,29 @@ mod tests {
         }
     }
 
+    /// A reference that is read once keeps one of two blocks that are the same.
     #[test]
-    fn folded_pairs_have_the_sums_of_whole_ones() {
+    fn an_owned_reference_that_is_exchangeable_serves_every_candidate() {
+        let ggx = |alpha| Ggx::new([0.2, 0.1, 0.05], [0.04; 3], alpha).unwrap();
+        let (owned, whole) =
+            (owned_cells(&ggx(0.1), Side::Reference).unwrap(), owned_cells(&Whole(ggx(0.1)), Side::Reference).unwrap());
+        assert!(owned.is_exchangeable() && !whole.is_exchangeable());
+        let (candidate, other) = (ggx(0.2), Whole(ggx(0.2)));
+        let candidates = [&candidate as &dyn Brdf, &other].map(|brdf| cells(brdf, Side::Candidate).unwrap());
+        let candidates: Vec<&dyn Cells> = candidates.iter().map(|cells| &**cells).collect();
+        let work = Work::for_variants(LpVariant::of_study());
+        let expected = Sums::over(&*whole, &candidates, &work).unwrap();
+        for (found, expected) in Sums::over(&*owned, &candidates, &work).unwrap().iter().zip(&expected) {
+            for variant in LpVariant::of_study() {
+                assert_eq!(found.cells(variant), expected.cells(variant));
+                let (a, b) = (found.distance(variant), expected.distance(variant));
+                assert!((a - b).abs() <= 1e-12 * b, "{variant}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn folded_and_exchangeable_pairs_have_the_sums_of_whole_ones() {
         let reference = Ggx::new([0.2, 0.1, 0.05], [0.04; 3], 0.1).unwrap();
         let candidate = Ward::new([0.2, 0.1, 0.05], [0.1; 3], 0.15, WardForm::Ward).unwrap();
         let work = Work::for_variants(LpVariant::every());

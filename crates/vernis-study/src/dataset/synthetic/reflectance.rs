@@ -273,6 +273,10 @@ impl Brdf for Material {
         true
     }
 
+    fn is_reciprocal(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         let mut out = [None];
         self.eval_batch(&[wi], &[wo], &mut out);

@@ -54,6 +54,18 @@ impl Figure {
     /// All figures, in the order of the fields of [`Figures`].
     pub const ALL: [Self; 6] =
         [Self::PlccRaw, Self::Plcc, Self::Srocc, Self::Krocc, Self::Rmse, Self::WithinMaterialSrocc];
+
+    /// How tables and axes call it.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::PlccRaw => "raw PLCC",
+            Self::Plcc => "PLCC",
+            Self::Srocc => "SROCC",
+            Self::Krocc => "KROCC",
+            Self::Rmse => "RMSE",
+            Self::WithinMaterialSrocc => "within-material SROCC",
+        }
+    }
 }
 
 /// Something for each figure: its value, its interval.

@@ -117,13 +117,7 @@ impl PairTable {
 }
 
 /// A wrong field of a line of such a file.
-pub(crate) fn wrong(
-    path: &Path,
-    line: u64,
-    name: &str,
-    found: impl Into<String>,
-    allowed: impl Into<String>,
-) -> DatasetError {
+pub fn wrong(path: &Path, line: u64, name: &str, found: impl Into<String>, allowed: impl Into<String>) -> DatasetError {
     let (found, allowed) = (found.into(), allowed.into());
     DatasetError::Field { path: path.into(), line, field: name.into(), found, allowed }
 }

@@ -13,7 +13,7 @@ pub fn listen(listener: fn(&str)) {
 }
 
 /// Tells whoever listens.
-pub(crate) fn tell(text: &str) {
+pub fn tell(text: &str) {
     if let Some(listener) = LISTENER.get() {
         listener(text);
     }

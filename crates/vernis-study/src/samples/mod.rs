@@ -3,7 +3,7 @@
 //! [`Samples`] is a matrix: one row a rated pair, one column a descriptor or a classical distance. [`split`] makes
 //! [`split::TrainingSet`] and [`split::HeldOut`] out of it; trainers see nothing else.
 
-pub(crate) mod distances;
+pub mod distances;
 #[cfg(feature = "train")]
 pub mod extracted;
 pub mod extraction;

@@ -51,7 +51,7 @@ impl Group {
 }
 
 /// The distances from one reference.
-pub(crate) struct PairDistances<'a> {
+pub struct PairDistances<'a> {
     groups: Vec<Group>,
     count: usize,
     reference: &'a IdentifiedBrdf,
@@ -59,19 +59,24 @@ pub(crate) struct PairDistances<'a> {
 }
 
 /// One number a metric.
-pub(crate) struct Values {
+pub struct Values {
+    /// From the reference to the candidate.
     pub distances: Vec<f64>,
     /// The same with reference and candidate exchanged.
     pub swapped: Vec<f64>,
 }
 
 impl<'a> PairDistances<'a> {
+    /// Nothing is computed yet. With a cache, what it has is not computed again.
     pub fn new(metrics: &[Arc<dyn Metric>], reference: &'a IdentifiedBrdf, cache: Option<&'a Cache>) -> Self {
         let groups = groups(metrics).into_iter().map(|places| Group::new(places, metrics)).collect();
         Self { groups, count: metrics.len(), reference, cache }
     }
 
     /// The distances to one candidate, one number a metric, without those of the exchanged pair.
+    ///
+    /// # Errors
+    /// What a metric cannot compare.
     pub fn one_way(
         &mut self,
         candidate: &IdentifiedBrdf,
@@ -86,6 +91,9 @@ impl<'a> PairDistances<'a> {
     }
 
     /// The distances to each of `candidates`.
+    ///
+    /// # Errors
+    /// What a metric cannot compare.
     pub fn to(
         &mut self,
         candidates: &[IdentifiedBrdf],

@@ -1,4 +1,4 @@
-//! Manifests: what a published study is made of and where its files come from, as `datasets/<study>/manifest.toml`
+//! Manifests: what a published study is made of and where its files come from, as `manifests/<study>.toml`
 //! states it. The files are compiled in, so that a binary alone knows every study.
 
 use super::identical::{Basis, Identical};
@@ -12,8 +12,8 @@ pub const NAMES: [&str; 2] = ["lavoue2021", OPEN];
 /// The part of the study that small open files rebuild: used where no study is named and the data folder has it.
 pub const OPEN: &str = "lavoue2021-open";
 
-const LAVOUE2021: &str = include_str!("../../datasets/lavoue2021/manifest.toml");
-const LAVOUE2021_OPEN: &str = include_str!("../../datasets/lavoue2021-open/manifest.toml");
+const LAVOUE2021: &str = include_str!("../../manifests/lavoue2021.toml");
+const LAVOUE2021_OPEN: &str = include_str!("../../manifests/lavoue2021-open.toml");
 
 /// A published study.
 #[derive(Debug, Clone)]

@@ -174,6 +174,10 @@ impl Brdf for Blend {
         true
     }
 
+    fn is_reciprocal(&self) -> bool {
+        true
+    }
+
     fn eval(&self, wi: Vec3, wo: Vec3) -> Option<Rgb> {
         Some(self.between(self.from.eval(wi, wo)?, self.to.eval(wi, wo)?))
     }
@@ -197,6 +201,10 @@ struct Noisy {
 
 impl Brdf for Noisy {
     fn is_mirror_symmetric(&self) -> bool {
+        true
+    }
+
+    fn is_reciprocal(&self) -> bool {
         true
     }
 
@@ -280,6 +288,7 @@ pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
 mod tests {
     use super::super::materials;
     use super::*;
+    use vernis_metric::brdf::Grid;
 
     #[test]
     fn every_reference_has_at_least_eight_kinds_that_differ_from_it() {
@@ -294,6 +303,31 @@ mod tests {
                 let open = c.recipe.open(m.name).unwrap();
                 let f = open.brdf.eval(Vec3::from_spherical(1.3, 0.0), Vec3::from_spherical(0.4, 2.0)).unwrap();
                 assert!(f.iter().all(|v| v.is_finite() && *v >= 0.0), "{} {}", m.name, c.method);
+            }
+        }
+    }
+
+    /// Lp distances take half of their cells from the other half, to 1e-10 of a value.
+    #[test]
+    fn everything_is_reciprocal_on_the_grid() {
+        let all = materials::all();
+        let directions = Grid::TITOPO.all_directions();
+        for (i, m) in all.iter().enumerate().step_by(3) {
+            let candidates = of(m, &all[(i + 7) % all.len()].material, &mut seed::stream(1, "test", i as u64));
+            for recipe in candidates.into_iter().map(|c| c.recipe).chain([Recipe::Material(m.material.clone())]) {
+                let brdf = recipe.brdf().unwrap();
+                assert!(brdf.is_reciprocal());
+                for (theta, other) in [(0, 7), (3, 60), (20, 21), (45, 88), (80, 89), (12, 70)] {
+                    for k in (0..360).step_by(9) {
+                        let at = |i, o| {
+                            let (wi, wo) = directions.at([i, o, k]);
+                            brdf.eval(wi, wo).unwrap()
+                        };
+                        for (a, b) in at(theta, other).into_iter().zip(at(other, theta)) {
+                            assert!((a - b).abs() <= 1e-10 * a, "{} {theta} {other} {k}: {a} {b}", m.name);
+                        }
+                    }
+                }
             }
         }
     }

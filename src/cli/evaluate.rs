@@ -51,7 +51,7 @@ pub fn run(shared: &Shared, args: EvaluateArgs) -> Result<()> {
     let out = (args.out != Path::new(STANDARD)).then(|| output::file(&args.out, &inputs, args.replace)).transpose()?;
     let rows = Rows::read(&args.at)?;
     let values = rows.evaluate(&*workspace::open_unhashed(&args.brdf, data)?)?;
-    let csv = rows.to_csv(&values)?;
+    let csv = rows.table.with_columns(&VALUES, &values).context("the table of values could not be put together")?;
     match out {
         None => to_standard(&csv).map(drop),
         Some((folder, name)) => {
@@ -66,8 +66,7 @@ pub fn run(shared: &Shared, args: EvaluateArgs) -> Result<()> {
 /// The rows of a file and its directions.
 struct Rows {
     place: String,
-    header: csv::StringRecord,
-    rows: Vec<csv::StringRecord>,
+    table: CsvTable,
     /// Line in the file, wi, wo.
     directions: Vec<(u64, Vec3, Vec3)>,
 }
@@ -84,21 +83,23 @@ impl Rows {
             usual: b',',
         };
         let table = CsvTable::read(&input.name, &input.bytes, &expected).map_err(user_error)?;
-        let header = table.written().clone();
-        if let Some(taken) = VALUES.iter().find(|name| header.iter().any(|h| h.eq_ignore_ascii_case(name))) {
+        if let Some(taken) = VALUES.iter().find(|name| table.written().iter().any(|h| h.eq_ignore_ascii_case(name))) {
             return Err(user_error(format!("{place}, line 1: the column `{taken}` is there already; rename it")));
         }
         let mut columns = [0; 6];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
             *column = table::column(&table, &input.name, name, &COLUMNS)?;
         }
-        let (mut rows, mut directions) = (Vec::new(), Vec::new());
-        for (line, record) in table.rows() {
-            let (wi, wo) = pair(record, columns).map_err(|e| user_error(format!("{place}, line {line}: {e}")))?;
-            directions.push((*line, wi, wo));
-            rows.push(record.clone());
+        let numbers = table.numbers(&columns).map_err(|bad| {
+            let (line, name, found) = (bad.line, COLUMNS[bad.place], shown(&bad.found, 50));
+            user_error(format!("{place}, line {line}: {name} is `{found}`; it must be a number"))
+        })?;
+        let mut directions = Vec::with_capacity(table.rows().len());
+        for ((line, _), &[a, b, c, d, e, f]) in table.rows().iter().zip(numbers.as_chunks().0) {
+            let unit = |name, w| unit(name, w).map_err(|e| user_error(format!("{place}, line {line}: {e}")));
+            directions.push((*line, unit("wi", Vec3::new(a, b, c))?, unit("wo", Vec3::new(d, e, f))?));
         }
-        Ok(Self { place, header, rows, directions })
+        Ok(Self { place, table, directions })
     }
 
     fn evaluate(&self, brdf: &dyn Brdf) -> Result<Vec<Option<Rgb>>> {
@@ -118,36 +119,13 @@ impl Rows {
             ))),
         }
     }
-
-    fn to_csv(&self, values: &[Option<Rgb>]) -> Result<Vec<u8>> {
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        writer.write_record(self.header.iter().chain(VALUES))?;
-        for (row, value) in self.rows.iter().zip(values) {
-            let cells = value.map_or_else(|| [const { String::new() }; 3], |rgb| rgb.map(number));
-            writer.write_record(row.iter().chain(cells.iter().map(String::as_str)))?;
-        }
-        writer.into_inner().context("the table of values could not be put together")
-    }
 }
 
-/// The two directions of a row, of unit length.
-fn pair(row: &csv::StringRecord, columns: [usize; 6]) -> Result<(Vec3, Vec3), String> {
-    let mut numbers = [0.0; 6];
-    for ((number, column), name) in numbers.iter_mut().zip(columns).zip(COLUMNS) {
-        let field = row.get(column).unwrap_or_default();
-        *number = field
-            .parse()
-            .ok()
-            .filter(|x: &f64| x.is_finite())
-            .ok_or_else(|| format!("{name} is `{}`; it must be a number", shown(field, 50)))?;
+/// A direction of length 1.
+fn unit(name: &str, w: Vec3) -> Result<Vec3, String> {
+    let length = w.length();
+    if (length - 1.0).abs() <= LENGTH {
+        return Ok(w.normalized());
     }
-    let [a, b, c, d, e, f] = numbers;
-    let unit = |name: &str, w: Vec3| {
-        let length = w.length();
-        if (length - 1.0).abs() <= LENGTH {
-            return Ok(w.normalized());
-        }
-        Err(format!("the length of {name} is {}; it must be 1, within {LENGTH}", number(length)))
-    };
-    Ok((unit("wi", Vec3::new(a, b, c))?, unit("wo", Vec3::new(d, e, f))?))
+    Err(format!("the length of {name} is {}; it must be 1, within {LENGTH}", number(length)))
 }

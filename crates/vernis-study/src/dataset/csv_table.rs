@@ -13,7 +13,7 @@ use super::error::field;
 use super::notice;
 use std::borrow::Cow;
 use std::path::Path;
-use vernis_metric::io::{did_you_mean, nearest, shown};
+use vernis_metric::io::{did_you_mean, nearest, number, shown};
 
 /// Largest table of text that is read.
 pub const MOST_BYTES: u64 = 256 << 20;
@@ -42,6 +42,17 @@ pub struct Expected<'a> {
     pub delimiter: Option<u8>,
     /// What stands between fields of files of this kind: nothing is told of it.
     pub usual: u8,
+}
+
+/// A field that is no finite number.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NoNumber {
+    /// Line in the file.
+    pub line: u64,
+    /// Place among the columns that were asked for.
+    pub place: usize,
+    /// What stands there.
+    pub found: String,
 }
 
 /// A CSV file, read whole.
@@ -125,6 +136,39 @@ impl CsvTable {
     /// The rows, each with the line on which it begins; numbers have decimal points.
     pub fn rows(&self) -> &[(u64, csv::StringRecord)] {
         &self.rows
+    }
+
+    /// The numbers in `columns`, row by row: as many a row as there are columns.
+    ///
+    /// # Errors
+    /// The first field that is no finite number.
+    pub fn numbers(&self, columns: &[usize]) -> Result<Vec<f64>, NoNumber> {
+        let mut numbers = Vec::with_capacity(self.rows.len() * columns.len());
+        for (line, row) in &self.rows {
+            for (place, &column) in columns.iter().enumerate() {
+                let found = row.get(column).unwrap_or_default();
+                match found.parse().ok().filter(|x: &f64| x.is_finite()) {
+                    Some(number) => numbers.push(number),
+                    None => return Err(NoNumber { line: *line, place, found: found.to_owned() }),
+                }
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// The table as it was written, with the columns `names` to the right of it: `values` has one element a row, and nothing for cells
+    /// that stay empty.
+    ///
+    /// # Errors
+    /// What the writer of CSV says.
+    pub fn with_columns(&self, names: &[&str; 3], values: &[Option<[f64; 3]>]) -> Result<Vec<u8>, csv::Error> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(self.written().iter().chain(names.iter().copied()))?;
+        for ((_, row), value) in self.rows.iter().zip(values) {
+            let cells = value.map_or_else(|| [const { String::new() }; 3], |value| value.map(number));
+            writer.write_record(row.iter().chain(cells.iter().map(String::as_str)))?;
+        }
+        writer.into_inner().map_err(|e| e.into_error().into())
     }
 }
 

@@ -120,13 +120,13 @@ pub(super) trait Cells: Send + Sync {
     /// Whether every block is its own mirror image, azimuth k the same as 360 - k: it may be read folded.
     fn is_mirror_symmetric(&self) -> bool;
 
-    /// Whether the blocks at (i, o) and (o, i) are the same, up to rounding.
+    /// Whether every block is its own mirror image, and those at (i, o) and (o, i) are the same, to the last bit.
     fn is_exchangeable(&self) -> bool {
         false
     }
 }
 
-/// Whether the blocks of a BRDF at (i, o) and (o, i) are the same: exchanging the directions turns phi_d into -phi_d.
+/// The same of the blocks that [`GridDirections::evaluate_circle`] gives: exchanging the directions turns phi_d into -phi_d.
 fn exchangeable(brdf: &dyn Brdf) -> bool {
     brdf.is_mirror_symmetric() && brdf.is_reciprocal()
 }
@@ -254,13 +254,18 @@ pub(super) struct NodeValues<'a> {
     /// Polar angles that the nodes have along each axis.
     polar: usize,
     mirror_symmetric: bool,
+    exchangeable: bool,
 }
 
 impl<'a> NodeValues<'a> {
     /// `values`: one a node, `polar` angles along both axes and [`AZIMUTHS`]; finite and not negative.
     pub fn new(values: &'a [Rgb], polar: usize) -> Self {
         let is_own_image = |circle: &[Rgb]| (1..AZIMUTHS / 2).all(|k| circle[k] == circle[AZIMUTHS - k]);
-        Self { values, polar, mirror_symmetric: values.par_chunks(AZIMUTHS).all(is_own_image) }
+        let mirror_symmetric = values.par_chunks(AZIMUTHS).all(is_own_image);
+        let circle = |i: usize, o: usize| &values[(i * polar + o) * AZIMUTHS..][..AZIMUTHS];
+        let exchangeable = mirror_symmetric
+            && (0..polar).into_par_iter().all(|i| (i + 1..polar).all(|o| circle(i, o) == circle(o, i)));
+        Self { values, polar, mirror_symmetric, exchangeable }
     }
 }
 
@@ -273,6 +278,10 @@ impl Cells for NodeValues<'_> {
 
     fn is_mirror_symmetric(&self) -> bool {
         self.mirror_symmetric
+    }
+
+    fn is_exchangeable(&self) -> bool {
+        self.exchangeable
     }
 }
 

@@ -216,14 +216,14 @@ impl GridDirections {
 
     /// The values of `brdf` on a circle of a grid in standard coordinates, that is, at all azimuths of one pair of polar angles;
     /// `circle` counts these pairs. `None` where there is no measurement. Of a BRDF that is its own mirror image, the first half alone:
-    /// [`GridDirections::on_circle`] finds the others. If it is reciprocal too, both circles of a pair of polar angles are evaluated at
-    /// the same directions, so that they have the same bits.
+    /// [`GridDirections::on_circle`] finds the others. If it is reciprocal too, and the grid has the same polar angles along both axes,
+    /// both circles of a pair of angles are evaluated at the same directions, so that they have the same bits.
     pub(crate) fn evaluate_circle(&self, brdf: &dyn Brdf, circle: usize) -> Vec<Option<Rgb>> {
         let [_, polar, azimuths] = self.grid.shape();
         let half = if self.grid.anchor() == 0.0 { azimuths / 2 + 1 } else { azimuths.div_ceil(2) };
         let evaluated = if brdf.is_mirror_symmetric() { half } else { azimuths };
         let (i, o) = (circle / polar, circle % polar);
-        let exchangeable = brdf.is_mirror_symmetric() && brdf.is_reciprocal();
+        let exchangeable = self.sines[0] == self.sines[1] && brdf.is_mirror_symmetric() && brdf.is_reciprocal();
         let (i, o) = if exchangeable { (i.min(o), i.max(o)) } else { (i, o) };
         let (wi, wo): (Vec<_>, Vec<_>) = (0..evaluated).map(|k| self.at([i, o, k])).unzip();
         let mut values = vec![None; evaluated];

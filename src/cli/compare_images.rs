@@ -27,7 +27,8 @@ files.
   cielab, cielab-rms, ciede2000                   codes; colour of each pixel
   delta-e-itp, pu21-psnr, pu21-ssim               both
   flip; hdr-flip                                  codes; light
-  cid, icid; cid-cielab, icid-cielab              codes; the first two need the table of LAB2000HL (--weights)
+  cid, icid, icid-octave                          codes; need the table of LAB2000HL (--weights)
+  cid-cielab, icid-cielab                         codes; other metrics, which need no table
   hdr-vdp; hdr-vdp-luminance                      both; light
   cvvdp                                           both
   lpips-alex, lpips-vgg, lpips-squeeze            codes; networks, which need weights (--weights)

@@ -42,7 +42,7 @@ pub use delta_e_itp::DeltaEItp;
 pub use flip::Flip;
 pub use hdr_flip::HdrFlip;
 pub use hdr_vdp::{HdrVdp, Receptors};
-pub use icid::{Clipping, Icid};
+pub use icid::Icid;
 pub use lab2000hl::{Lab2000HlTable, Space, TableError};
 pub use ms_ssim::MsSsim;
 #[cfg(feature = "networks")]

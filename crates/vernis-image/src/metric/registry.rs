@@ -4,8 +4,8 @@ use super::contract::{Conditions, ImageMetric, ImageMetricError, Need};
 #[cfg(feature = "networks")]
 use super::{Backbone, Lpips, MatSim, ShiftTolerant, StLpips};
 use super::{
-    Cid, Ciede2000, Cielab, Clipping, Cvvdp, DeltaEItp, Flip, HdrFlip, HdrVdp, Icid, Mean, MsSsim, Psnr, Pu21Psnr,
-    Pu21Ssim, Receptors, Ssim, Values,
+    Cid, Ciede2000, Cielab, Cvvdp, DeltaEItp, Flip, HdrFlip, HdrVdp, Icid, Mean, MsSsim, Psnr, Pu21Psnr, Pu21Ssim,
+    Receptors, Ssim, Values,
 };
 use crate::picture::Encoding;
 use std::sync::Arc;
@@ -36,8 +36,9 @@ impl ImageRegistry {
             Arc::new(Pu21Ssim),
             Arc::new(Cid { in_cielab: false }),
             Arc::new(Cid { in_cielab: true }),
-            Arc::new(Icid { in_cielab: false, clipping: Clipping::ByValue }),
-            Arc::new(Icid { in_cielab: true, clipping: Clipping::ByValue }),
+            Arc::new(Icid::Lab2000Hl),
+            Arc::new(Icid::InOctave),
+            Arc::new(Icid::Cielab),
             Arc::new(HdrVdp(Receptors::Rgb)),
             Arc::new(HdrVdp(Receptors::Luminance)),
             Arc::new(Cvvdp),

@@ -117,21 +117,32 @@ fn clusters_are_near_geomloss() {
     }
 }
 
-/// Of 6,912 cells, against sums over all of them, which agree with GeomLoss on the grids of its values.
+/// Of 6,912 cells, against sums over all of them, which agree with GeomLoss on the grids of its values; of 4,608 where epsilon falls
+/// fast, and slowly.
 #[test]
 fn what_clusters_settle_to_is_near_sums_over_all_cells() {
-    let grid = grid(12, 12, 48);
-    let clustered = parameters(GroundCost::Distance, 0.1, 0.05, 0.8);
-    assert_eq!(clustered.method(grid).unwrap(), Method::Clustered { clusters: 3000 });
-    let all = clustered.with_accuracy(Accuracy { clusters: 6912, ..clustered.accuracy() }).unwrap();
-    for pair in GOLDEN {
-        let [a, b] = pair.models.map(|models| models[0].graph(grid, fourth_root));
-        let (found, expected) = (between(&clustered, grid, &a, &b), between(&all, grid, &a, &b));
-        println!("{}: {found:e} {expected:e} {:.1e}", pair.name, found / expected - 1.0);
-        assert!((found - expected).abs() <= 3e-3 * expected, "{}: {found} {expected}", pair.name);
-        let back = between(&clustered, grid, &b, &a);
-        assert!((found - back).abs() <= 1e-9 * found, "{}: {found} {back}", pair.name);
-        assert_eq!(between(&clustered, grid, &b, &b), 0.0);
+    let (standard, few) = (Accuracy::standard(0.1, 0.05).clusters, 3000);
+    let (large, small) = (grid(12, 12, 48), grid(12, 12, 32));
+    let all_pairs = 0..GOLDEN.len();
+    for (grid, scaling, clusters, pairs) in
+        [(large, 0.8, standard, all_pairs), (small, 0.3, few, 1..3), (small, 0.95, few, 1..3)]
+    {
+        let with = |clusters: usize| {
+            let parameters = parameters(GroundCost::Distance, 0.1, 0.05, scaling);
+            parameters.with_accuracy(Accuracy { clusters, ..parameters.accuracy() }).unwrap()
+        };
+        let (clustered, all) = (with(clusters), with(grid.len()));
+        assert_eq!(clustered.method(grid).unwrap(), Method::Clustered { clusters });
+        assert_eq!(all.method(grid).unwrap(), Method::Direct);
+        for pair in &GOLDEN[pairs] {
+            let [a, b] = pair.models.map(|models| models[0].graph(grid, fourth_root));
+            let (found, expected) = (between(&clustered, grid, &a, &b), between(&all, grid, &a, &b));
+            println!("{scaling} {}: {found:e} {expected:e} {:.1e}", pair.name, found / expected - 1.0);
+            assert!((found - expected).abs() <= 1e-3 * expected, "{scaling} {}: {found} {expected}", pair.name);
+            let back = between(&clustered, grid, &b, &a);
+            assert!((found - back).abs() <= 1e-9 * found, "{scaling} {}: {found} {back}", pair.name);
+            assert_eq!(between(&clustered, grid, &b, &b), 0.0);
+        }
     }
 }
 

@@ -57,8 +57,8 @@ pub struct Accuracy {
     pub values_per_blur: usize,
     /// Nodes along each of the three base axes.
     pub base_nodes: usize,
-    /// Clusters of each graph, at most, where cells are clustered instead. Up to 4/3 as many cells are not clustered, and sums over them are
-    /// exact.
+    /// Clusters of each graph, at most, where cells are clustered instead. As many cells (for p = 2, up to 4/3 as many) are not clustered,
+    /// and sums over them are exact.
     pub clusters: usize,
 }
 
@@ -70,13 +70,13 @@ impl Accuracy {
         Self {
             values_per_blur: if base_nodes > 10 { 6 } else { 8 },
             base_nodes,
-            clusters: Self::clusters(alpha, blur, 3000),
+            clusters: Self::clusters(alpha, blur, 5000, 6000),
         }
     }
 
     /// Half the value nodes of [`Accuracy::standard`] (kappa 4): errors up to 4 %, at less than half the time.
     pub fn fast(alpha: f64, blur: f64) -> Self {
-        Self { values_per_blur: 4, clusters: Self::clusters(alpha, blur, 1000), ..Self::standard(alpha, blur) }
+        Self { values_per_blur: 4, clusters: Self::clusters(alpha, blur, 1000, 2000), ..Self::standard(alpha, blur) }
     }
 
     /// kappa 3 and one base node to a blur: errors up to 2 %, at a fifth of the time or less, for sweeps over many parameters.
@@ -84,7 +84,7 @@ impl Accuracy {
         Self {
             values_per_blur: 3,
             base_nodes: Self::nodes(alpha, blur, 1.0),
-            clusters: Self::clusters(alpha, blur, 500),
+            clusters: Self::clusters(alpha, blur, 500, 1000),
         }
     }
 
@@ -103,13 +103,13 @@ impl Accuracy {
         Self {
             values_per_blur: 16,
             base_nodes: Self::nodes(alpha, blur, 2.5),
-            clusters: Self::clusters(alpha, blur, 8000),
+            clusters: Self::clusters(alpha, blur, 12_000, 16_000),
         }
     }
 
-    /// Twice as many where the base is long, measured in blurs.
-    fn clusters(alpha: f64, blur: f64, clusters: usize) -> usize {
-        if alpha > LONG_BASE * blur { 2 * clusters } else { clusters }
+    /// More where the base is long, measured in blurs.
+    fn clusters(alpha: f64, blur: f64, on_short: usize, on_long: usize) -> usize {
+        if alpha > LONG_BASE * blur { on_long } else { on_short }
     }
 
     /// Nodes an axis that put `per_blur` of them to one blur; the axis is a little shorter than alpha.
@@ -204,12 +204,13 @@ impl SinkhornParameters {
         let separable = is_squared
             && self.alpha <= Method::LARGEST_ALPHA_PER_BLUR * self.blur
             && nodes.iter().product::<usize>() <= Method::MOST_BASE_NODES;
+        let allowed = if is_squared { clusters.saturating_mul(4) / 3 } else { clusters };
         if separable && grid.len() > Method::FEW_CELLS * values_per_blur {
             Ok(Method::Quantised { spacing: self.blur / values_per_blur as f64, nodes })
-        } else if separable || few(grid.len(), clusters) {
+        } else if separable || grid.len() <= allowed {
             Ok(Method::Direct)
         } else if is_squared && self.alpha > Method::LARGEST_CLUSTERED_ALPHA_PER_BLUR * self.blur {
-            let (alpha, blur, allowed) = (self.alpha, self.blur, clusters.saturating_mul(4) / 3);
+            let (alpha, blur) = (self.alpha, self.blur);
             Err(TransportError::TooManyCells { alpha, blur, cells: grid.len(), allowed })
         } else {
             Ok(Method::Clustered { clusters })

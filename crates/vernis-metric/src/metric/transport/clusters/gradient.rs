@@ -8,14 +8,17 @@
 //! with y_j anything that C depends on: the mean value of a cluster, or its spread. K_ii, and so C_ii, has two parts ([`super::kernel`]).
 //! What it is the gradient of is said in [`super::super::divergence_and_gradient`]; the clusters are held.
 //!
-//! Cost: about four divergences. Memory: the potentials of every update, clusters x 32 bytes an update.
+//! Where potentials go from level 1 to level 0 ([`super::levels`]), the way back leads over the update that gave their shape.
+//!
+//! Cost: about four divergences. Memory: the potentials before and after every update, clusters x 64 bytes an update.
 
-use super::super::annealing::{Annealing, Step};
+use super::super::annealing::Annealing;
 use super::super::elementary::{LANES, Lanes, exp, fma};
 use super::super::{GroundCost, SinkhornParameters};
 use super::kernel::{Diagonal, Kernel, Meeting, levels, squares};
+use super::levels::{Level, Levels};
 use super::measure::{Clusters, SPREAD, Side, lanes};
-use super::{Graphs, Potentials, terms};
+use super::{Graphs, Update, annealed, factors};
 use multiversion::multiversion;
 use multiversion::target::target_cfg_f;
 
@@ -26,34 +29,39 @@ pub(in crate::metric::transport) fn divergence_and_gradient(
     graphs: &Graphs<'_>,
     count: usize,
 ) -> (f64, Vec<f64>) {
+    let levels = Levels::new(parameters, graphs, count);
     let mut found = (0.0, vec![0.0; graphs.b.len()]);
-    for (clusters, factor) in terms(parameters.cost(), graphs, count) {
-        let (value, gradient) = of_clusters(parameters, annealing, graphs, &clusters);
+    for (finest, factor) in factors(&levels, graphs.cells()).into_iter().enumerate() {
+        let (value, gradient) = of_levels(parameters, annealing, graphs, &levels.all()[finest..]);
         found.0 += factor * value;
         found.1.iter_mut().zip(gradient).for_each(|(all, own)| *all += factor * own);
     }
     found
 }
 
-fn of_clusters(
+/// Of the clusters of the finest of `levels`.
+fn of_levels(
     parameters: &SinkhornParameters,
     annealing: &Annealing,
     graphs: &Graphs<'_>,
-    clusters: &Clusters,
+    levels: &[Level],
 ) -> (f64, Vec<f64>) {
-    let updates: Vec<Step> = annealing.updates().collect();
-    let kernel = |epsilon| Kernel { cost: parameters.cost(), epsilon };
-    let mut states = vec![Potentials::zero(clusters.len())];
-    for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate() {
-        let next = states[k].updated(&kernel(epsilon), keep, clusters);
-        states.push(next);
+    let mut updates = Vec::new();
+    let potentials = annealed(parameters, annealing, levels, |update| updates.push(update.into_owned()));
+    let mut reverse = Reverse::new(&levels[0].clusters);
+    let mut gradient = vec![0.0; graphs.b.len()];
+    for update in updates.iter().rev() {
+        if update.refines {
+            let (fine, coarse) = (&levels[0], &levels[1]);
+            let of_potentials = reverse.refinement(update, fine, coarse);
+            reverse.add_to_cells(graphs, &mut gradient);
+            reverse = Reverse::on(&coarse.clusters, of_potentials);
+        } else {
+            reverse.step(update);
+        }
     }
-    let value = states[updates.len()].value(clusters);
-    let mut reverse = Reverse::new(clusters);
-    for (k, &Step { epsilon, keep, .. }) in updates.iter().enumerate().rev() {
-        reverse.step(&kernel(epsilon), keep, &states[k], &states[k + 1]);
-    }
-    (value, reverse.of_cells(graphs))
+    reverse.add_to_cells(graphs, &mut gradient);
+    (potentials.value(&levels[0].clusters), gradient)
 }
 
 /// Derivatives with respect to the potentials after an update, and those with respect to the clusters and cells of b so far.
@@ -69,22 +77,43 @@ struct Reverse<'a> {
 }
 
 impl<'a> Reverse<'a> {
+    /// After all updates.
     fn new(clusters: &'a Clusters) -> Self {
         let weights = || clusters.weights.clone();
+        let minus = weights().iter().map(|w| -w).collect();
+        Self::on(clusters, [weights(), weights(), minus])
+    }
+
+    /// With derivatives with respect to f_ba, g_ab and g_bb.
+    fn on(clusters: &'a Clusters, [of_f_ba, of_g_ab, of_g_bb]: [Vec<f64>; 3]) -> Self {
         let zero = || vec![0.0; clusters.len()];
         Self {
             clusters,
-            of_f_ba: weights(),
-            of_g_ab: weights(),
-            of_g_bb: weights().iter().map(|w| -w).collect(),
+            of_f_ba,
+            of_g_ab,
+            of_g_bb,
             of_values: zero(),
             of_spreads: zero(),
             of_differences: (0..clusters.len()).map(|i| vec![0.0; clusters.differences_of(i).len()]).collect(),
         }
     }
 
-    /// Back over the update from `before` to `after`.
-    fn step(&mut self, kernel: &Kernel, keep: f64, before: &Potentials, after: &Potentials) {
+    /// Back over a refinement: the derivatives with respect to the potentials of the coarser level.
+    fn refinement(&mut self, update: &Update<'_>, fine: &Level, coarse: &Level) -> [Vec<f64>; 3] {
+        let mut of_coarse = self.of_potentials().map(|of| fine.sums(of, coarse));
+        self.of_potentials().into_iter().for_each(|of| *of = fine.without_means_back(of, coarse));
+        self.step(update);
+        of_coarse.iter_mut().zip(self.of_potentials()).for_each(|(all, of)| add(all, &fine.sums(of, coarse)));
+        of_coarse
+    }
+
+    fn of_potentials(&mut self) -> [&mut Vec<f64>; 3] {
+        [&mut self.of_f_ba, &mut self.of_g_ab, &mut self.of_g_bb]
+    }
+
+    /// Back over an update.
+    fn step(&mut self, Update { kernel, keep, before, after, .. }: &Update<'_>) {
+        let keep = *keep;
         let share = 1.0 - keep;
         let softmin = |old: &[f64], new: &[f64]| -> Vec<f64> {
             old.iter().zip(new).map(|(old, new)| (new - keep * old) / share).collect()
@@ -114,19 +143,17 @@ impl<'a> Reverse<'a> {
         through(&mut self.of_g_bb, &own.to_columns);
     }
 
-    /// The derivatives with respect to the values of the grid's cells.
-    fn of_cells(&self, graphs: &Graphs<'_>) -> Vec<f64> {
-        let mut all = vec![0.0; graphs.b.len()];
+    /// Adds the derivatives with respect to the values of the grid's cells, by way of these clusters.
+    fn add_to_cells(&self, graphs: &Graphs<'_>, gradient: &mut [f64]) {
         for i in 0..self.clusters.len() {
             let n = self.clusters.counts[i];
             let mean = self.clusters.b.point(i).0[3];
             for (&cell, of_difference) in self.clusters.cells_of(i).iter().zip(&self.of_differences[i]) {
                 let cell = cell as usize;
                 let of_spread = 2.0 * SPREAD[1] * (graphs.b[cell] - mean) * self.of_spreads[i];
-                all[cell] = (self.of_values[i] + of_spread) / n + of_difference;
+                gradient[cell] += (self.of_values[i] + of_spread) / n + of_difference;
             }
         }
-        all
     }
 }
 

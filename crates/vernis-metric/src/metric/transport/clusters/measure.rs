@@ -2,6 +2,7 @@
 
 use super::super::elementary::{LANES, Lanes};
 use super::partition::{CellBox, Graphs};
+use crate::metric::graph::GraphGrid;
 
 /// Within a cluster cells vary; of their squared distances from the mean, what counts as distance between cells of different
 /// clusters, for the base and for the values: about what lies across the way between them. Chosen on the pairs of the golden values,
@@ -102,6 +103,15 @@ impl Clusters {
     /// [`Clusters::differences`] of a cluster.
     pub fn differences_of(&self, cluster: usize) -> &[f64] {
         &self.differences[self.starts[cluster]..self.starts[cluster + 1]]
+    }
+
+    /// Of each cluster, the one of `coarser`, clusters of the same partition, that it is a part of.
+    pub fn parents(&self, coarser: &Self, grid: GraphGrid) -> Vec<usize> {
+        let mut owners = vec![0; grid.len()];
+        for cluster in 0..coarser.len() {
+            coarser.cells_of(cluster).iter().for_each(|&cell| owners[cell as usize] = cluster);
+        }
+        (0..self.len()).map(|cluster| owners[self.cells_of(cluster)[0] as usize]).collect()
     }
 
     /// The cells of a cluster.

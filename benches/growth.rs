@@ -2,7 +2,7 @@
 //! training over materials. Everything in one run without a cache, so that the ratios hold on a busy machine; a part that should be linear
 //! says by how much it is not.
 //!
-//! `cargo bench --bench growth [pairs] [grid] [materials] [workers]`: all parts, or those named. With `VERNIS_DATA` trainings are on
+//! `cargo bench --bench growth -- [pairs] [grid] [materials] [workers]`: all parts, or those named. With `VERNIS_DATA` trainings are on
 //! the open study, else on the synthetic one. Linux only: it reads the process's CPU time from /proc.
 
 #![allow(missing_docs, reason = "a bench has no interface")]

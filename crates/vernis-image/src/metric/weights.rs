@@ -54,7 +54,7 @@ pub const WEIGHTS_FILES: &[WeightsFile] = &[
         name: Lab2000HlTable::FILE,
         safetensors: None,
         content: "the table of LAB2000HL: for b* = -128 to 128, for a* = -128 to 128, a and b as little-endian 32-bit numbers",
-        metrics: &["cid", "icid"],
+        metrics: &["cid", "icid", "icid-octave"],
         origin: "the table in the authors' MATLAB program of iCID, written in this form",
         licence: "none stated",
         bytes: Some(528_392),

@@ -78,10 +78,15 @@ impl ImageMetric for Icid {
 
     fn properties(&self) -> Properties {
         let source = "Preiss, Fernandes and Urban 2014, doi:10.1109/TIP.2014.2302684";
+        let quality = match self {
+            Self::Lab2000Hl => "improved color-image difference",
+            Self::InOctave => "what Octave makes of iCID's program",
+            Self::Cielab => "improved color-image difference, in CIELAB",
+        };
         Properties {
             smallest: WINDOW,
             needs: if *self == Self::Cielab { vec![] } else { vec![Need::Lab2000HlTable { fallback: "icid-cielab" }] },
-            ..Properties::new("improved color-image difference", "1, 0 to 1", source)
+            ..Properties::new(quality, "1, 0 to 1", source)
         }
     }
 

@@ -25,7 +25,7 @@ use super::lab2000hl::{Space, cielab, xyz};
 use super::plane::{Edge, Plane, gaussian};
 use super::s_cielab;
 use crate::picture::{EncodedPicture, MOST_PIXELS};
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -89,7 +89,7 @@ impl ImageMetric for Cid {
 
 fn seen(picture: &EncodedPicture, space: &Space) -> Seen {
     let filtered = s_cielab::filtered(&xyz(picture), picture.width());
-    let colours: Vec<[f64; 3]> = filtered.par_iter().map(|c| space.of_cielab(cielab(*c))).collect();
+    let colours = parallel::map_items(&filtered, |c| space.of_cielab(cielab(*c)));
     Seen::new(&colours, picture.width(), &gaussian(WINDOW, SIGMA))
 }
 

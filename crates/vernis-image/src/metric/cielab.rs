@@ -18,7 +18,7 @@ use super::plane::{Plane, sum_of_rows};
 use crate::picture::EncodedPicture;
 use palette::Lab;
 use palette::white_point::D65;
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -59,7 +59,7 @@ pub(super) fn lab(picture: &EncodedPicture) -> Vec<Lab<D65, f64>> {
         let [x, y, z] = std::array::from_fn(|c| f(xyz[c] / WHITE_POINT[c]));
         Lab::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
     };
-    picture.pixels().par_iter().map(of_pixel).collect()
+    parallel::map_items(picture.pixels(), of_pixel)
 }
 
 impl ImageMetric for Cielab {

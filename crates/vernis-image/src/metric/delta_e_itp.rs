@@ -14,7 +14,7 @@ use super::cielab::{Mean, pooled};
 use super::colour::{light, times};
 use super::contract::{Conditions, ImageMetric, PreparedResult, Properties, by_features};
 use crate::picture::{EncodedPicture, Encoding};
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -88,7 +88,7 @@ impl ImageMetric for DeltaEItp {
 fn all_itp(picture: &EncodedPicture) -> Vec<[f64; 3]> {
     let encoding = picture.encoding();
     let white = if encoding == Encoding::Srgb { CODE_WHITE } else { 1.0 };
-    picture.pixels().par_iter().map(|pixel| itp(light(*pixel, encoding).map(|v| white * v))).collect()
+    parallel::map_items(picture.pixels(), |pixel| itp(light(*pixel, encoding).map(|v| white * v)))
 }
 
 #[cfg(test)]

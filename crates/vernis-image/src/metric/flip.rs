@@ -25,8 +25,8 @@ use crate::picture::{EncodedPicture, MOST_PIXELS};
 use palette::convert::FromColorUnclamped;
 use palette::white_point::{Any, WhitePoint};
 use palette::{Lab, Xyz};
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use vernis_metric::math::parallel;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -105,7 +105,7 @@ impl ImageMetric for Flip {
 
 /// Linear light of every pixel, as [`light`] gives it.
 pub(super) fn all_light(picture: &EncodedPicture) -> Vec<[f64; 3]> {
-    picture.pixels().par_iter().map(|pixel| light(*pixel, picture.encoding())).collect()
+    parallel::map_items(picture.pixels(), |pixel| light(*pixel, picture.encoding()))
 }
 
 /// A plane of errors as a map.
@@ -193,7 +193,7 @@ impl Seen {
             let [x, y, z] = [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]];
             [y, x - y, y - z]
         };
-        let opponents: Vec<[f64; 3]> = light.par_iter().map(opponent).collect();
+        let opponents = parallel::map_items(light, opponent);
         let [y, cx, cz] = [0, 1, 2].map(|k| Plane::of_pixels(width, &opponents, |c| c[k]));
         let [g, dg, ddg] = &filters.features;
         let length = |a: f64, b: f64| (a * a + b * b).sqrt();
@@ -211,7 +211,7 @@ impl Seen {
             let xyz = [(y + cx) * white[0], y * white[1], (y - cz) * white[2]];
             adjusted(times(&rgb_from_xyz, xyz).map(|v| v.clamp(0.0, 1.0)))
         };
-        Self { colours: (0..light.len()).into_par_iter().map(colour).collect(), edges, points }
+        Self { colours: parallel::map(light.len(), colour), edges, points }
     }
 
     /// The FLIP error of every pixel.

@@ -1,10 +1,10 @@
 //! Filters in the frequency domain, by the crates `realfft` and `rustfft`.
 
-use super::plane::Plane;
-use rayon::prelude::*;
+use super::plane::{Plane, ROWS};
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use rustfft::FftPlanner;
+use vernis_metric::math::parallel;
 
 /// Side of the blocks in which a matrix is transposed: two of them fit the cache.
 const BLOCK: usize = 32;
@@ -19,34 +19,42 @@ pub(super) fn filtered(plane: &Plane, gain: impl Fn(usize, usize) -> f64 + Sync)
     let (down, up) = (planner.plan_fft_forward(height), planner.plan_fft_inverse(height));
     let half = width / 2 + 1;
     let mut spectrum = vec![Complex::default(); half * height];
-    let buffers = || (vec![0.0; width], forward.make_scratch_vec());
-    spectrum.par_chunks_mut(half).enumerate().for_each_init(buffers, |(row, scratch), (y, out)| {
-        row.copy_from_slice(plane.row(y));
-        // Its only errors are buffers of wrong lengths, and these are of the plan's own.
-        let _ = forward.process_with_scratch(row, out, scratch);
+    parallel::for_each_chunk(&mut spectrum, ROWS * half, |k, rows| {
+        let (mut row, mut scratch) = (vec![0.0; width], forward.make_scratch_vec());
+        for (j, out) in rows.chunks_mut(half).enumerate() {
+            row.copy_from_slice(plane.row(k * ROWS + j));
+            // Its only errors are buffers of wrong lengths, and these are of the plan's own.
+            let _ = forward.process_with_scratch(&mut row, out, &mut scratch);
+        }
     });
     let mut columns = transposed(&spectrum, half);
     drop(spectrum);
     let scale = 1.0 / (width * height) as f64;
-    let scratch = || vec![Complex::default(); down.get_inplace_scratch_len().max(up.get_inplace_scratch_len())];
-    columns.par_chunks_mut(height).enumerate().for_each_init(scratch, |scratch, (kx, column)| {
-        down.process_with_scratch(column, scratch);
-        for (y, value) in column.iter_mut().enumerate() {
-            *value *= scale * gain(kx, y.min(height - y));
+    let scratch = down.get_inplace_scratch_len().max(up.get_inplace_scratch_len());
+    parallel::for_each_chunk(&mut columns, ROWS * height, |k, columns| {
+        let mut scratch = vec![Complex::default(); scratch];
+        for (j, column) in columns.chunks_mut(height).enumerate() {
+            down.process_with_scratch(column, &mut scratch);
+            for (y, value) in column.iter_mut().enumerate() {
+                *value *= scale * gain(k * ROWS + j, y.min(height - y));
+            }
+            up.process_with_scratch(column, &mut scratch);
         }
-        up.process_with_scratch(column, scratch);
     });
-    let mut spectrum = transposed(&columns, height);
+    let spectrum = transposed(&columns, height);
     drop(columns);
     let mut values = vec![0.0; width * height];
-    let scratch = || back.make_scratch_vec();
-    values.par_chunks_mut(width).zip(spectrum.par_chunks_mut(half)).for_each_init(scratch, |scratch, (out, row)| {
-        // A real signal has real values at no frequency and at half of the rate; rounding has left a trace beside them.
-        row[0].im = 0.0;
-        if width % 2 == 0 {
-            row[half - 1].im = 0.0;
+    parallel::for_each_chunk(&mut values, ROWS * width, |k, rows| {
+        let (mut row, mut scratch) = (vec![Complex::default(); half], back.make_scratch_vec());
+        for (out, found) in rows.chunks_mut(width).zip(spectrum[k * ROWS * half..].chunks(half)) {
+            row.copy_from_slice(found);
+            // A real signal has real values at no frequency and at half of the rate; rounding has left a trace beside them.
+            row[0].im = 0.0;
+            if width % 2 == 0 {
+                row[half - 1].im = 0.0;
+            }
+            let _ = back.process_with_scratch(&mut row, out, &mut scratch);
         }
-        let _ = back.process_with_scratch(row, out, scratch);
     });
     Plane { width, height, values }
 }
@@ -55,7 +63,7 @@ pub(super) fn filtered(plane: &Plane, gain: impl Fn(usize, usize) -> f64 + Sync)
 fn transposed(matrix: &[Complex<f64>], width: usize) -> Vec<Complex<f64>> {
     let height = matrix.len() / width;
     let mut out = vec![Complex::default(); matrix.len()];
-    out.par_chunks_mut(height * BLOCK).enumerate().for_each(|(block, out)| {
+    parallel::for_each_chunk(&mut out, height * BLOCK, |block, out| {
         let first = block * BLOCK;
         let columns = out.len() / height;
         for y0 in (0..height).step_by(BLOCK) {

@@ -24,7 +24,7 @@ use super::frequency;
 use super::lab2000hl::{Space, cielab, is_dark, xyz, xyz_of_light};
 use super::plane::{Plane, gaussian, shrink};
 use crate::picture::EncodedPicture;
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -120,14 +120,15 @@ impl Icid {
     fn seen(self, picture: &EncodedPicture, space: &Space) -> Seen {
         let (xyz, width, height) = smaller(picture);
         let filtered = filtered(&xyz, width, height);
-        let [x, y, z]: [bool; 3] = std::array::from_fn(|k| filtered.par_iter().any(|c| is_dark(*c)[k]));
+        let [x, y, z]: [bool; 3] =
+            std::array::from_fn(|k| !parallel::all(filtered.len(), |i| !is_dark(filtered[i])[k]));
         let held = self == Self::InOctave;
         let (hold_a, hold_b) = (held && (x || y), held && (z || y));
         let colour = |c: &[f64; 3]| {
             let [l, a, b] = cielab(*c);
             space.of_cielab([l, if hold_a { LEAST } else { a }, if hold_b { LEAST } else { b }])
         };
-        let colours: Vec<[f64; 3]> = filtered.par_iter().map(colour).collect();
+        let colours = parallel::map_items(&filtered, colour);
         Seen::new(&colours, width, &gaussian(WINDOW, SIGMA))
     }
 }
@@ -142,8 +143,8 @@ fn smaller(picture: &EncodedPicture) -> (Vec<[f64; 3]>, usize, usize) {
     // The program makes codes smaller, not light.
     let channels = [0, 1, 2].map(|k| shrink(&channel(picture, k), factor));
     let (width, height) = (channels[0].width, channels[0].height);
-    let codes = (0..width * height).into_par_iter().map(|i| [0, 1, 2].map(|k: usize| channels[k].values[i]));
-    (codes.map(|codes| xyz_of_light(codes.map(decoded))).collect(), width, height)
+    let codes = |i: usize| [0, 1, 2].map(|k: usize| channels[k].values[i]);
+    (parallel::map(width * height, |i| xyz_of_light(codes(i).map(decoded))), width, height)
 }
 
 /// XYZ after the filters of contrast sensitivity.
@@ -164,7 +165,7 @@ fn filtered(xyz: &[[f64; 3]], width: usize, height: usize) -> Vec<[f64; 3]> {
         .collect();
     let back = inverse(&YCC_FROM_XYZ);
     let pixel = |i: usize| times(&back, [0, 1, 2].map(|k: usize| channels[k].values[i]));
-    (0..xyz.len()).into_par_iter().map(pixel).collect()
+    parallel::map(xyz.len(), pixel)
 }
 
 /// The plane with its mirror images at all sides.

@@ -15,11 +15,11 @@ use crate::picture::EncodedPicture;
 use palette::convert::FromColorUnclamped;
 use palette::white_point::{Any, WhitePoint};
 use palette::{Lab, Xyz};
-use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 use thiserror::Error;
 use vernis_metric::io::read_at_most;
+use vernis_metric::math::parallel;
 
 /// Values of a* and of b* in the table: -128 to 128.
 const SIDE: usize = 257;
@@ -186,7 +186,7 @@ pub(super) fn is_dark([x, y, z]: [f64; 3]) -> [bool; 3] {
 
 /// XYZ of every pixel.
 pub(super) fn xyz(picture: &EncodedPicture) -> Vec<[f64; 3]> {
-    picture.pixels().par_iter().map(|pixel| xyz_of_light(light(*pixel, picture.encoding()))).collect()
+    parallel::map_items(picture.pixels(), |pixel| xyz_of_light(light(*pixel, picture.encoding())))
 }
 
 #[cfg(test)]

@@ -4,7 +4,10 @@
 //! precision and the border that their authors chose.
 
 use multiversion::multiversion;
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
+
+/// Rows that share a buffer.
+pub(super) const ROWS: usize = 16;
 
 /// Values for the pixels of a picture, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +30,7 @@ impl Plane {
     /// A plane whose rows `row(y, values)` fills.
     pub fn by_rows(width: usize, height: usize, row: impl Fn(usize, &mut [f64]) + Sync) -> Self {
         let mut values = vec![0.0; width * height];
-        values.par_chunks_mut(width).enumerate().for_each(|(y, values)| row(y, values));
+        parallel::for_each_chunk(&mut values, width, row);
         Self { width, height, values }
     }
 
@@ -70,8 +73,7 @@ impl Plane {
         };
         let before = across.len() / 2;
         let mut values = vec![0.0; width * height];
-        let buffer = || vec![0.0; self.width + across.len()];
-        values.par_chunks_mut(width).enumerate().for_each_init(buffer, |buffer, (y, out)| {
+        let row = |buffer: &mut [f64], y: usize, out: &mut [f64]| {
             let rows = (0..down.len()).map(|j| match edge {
                 Edge::Valid => self.row(y + j),
                 Edge::Replicate => self.row((y + j).saturating_sub(down.len() / 2).min(self.height - 1)),
@@ -87,6 +89,10 @@ impl Plane {
                 }
             }
             correlate_row(buffer, across, out);
+        };
+        parallel::for_each_chunk(&mut values, ROWS * width, |k, rows| {
+            let mut buffer = vec![0.0; self.width + across.len()];
+            rows.chunks_mut(width).enumerate().for_each(|(j, out)| row(&mut buffer, k * ROWS + j, out));
         });
         Self { width, height, values }
     }
@@ -94,7 +100,7 @@ impl Plane {
 
 /// The sum over rows, from the top: the same for any number of threads.
 pub(super) fn sum_of_rows(height: usize, row: impl Fn(usize) -> f64 + Sync) -> f64 {
-    (0..height).into_par_iter().map(&row).collect::<Vec<f64>>().iter().sum()
+    parallel::map(height, row).iter().sum()
 }
 
 /// Samples of a Gaussian of standard deviation `sigma` at `count` places one apart about its middle, with sum 1.

@@ -9,7 +9,7 @@
 
 use super::colour::{inverse, times};
 use super::plane::Plane;
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
 
 /// Samples a degree: twice 20 cycles.
 pub(super) const SAMPLES_PER_DEGREE: usize = 40;
@@ -29,7 +29,7 @@ const GAUSSIANS: [&[(f64, f64)]; 3] = [
 
 /// XYZ of every pixel after the filters.
 pub(super) fn filtered(xyz: &[[f64; 3]], width: usize) -> Vec<[f64; 3]> {
-    let opponents: Vec<[f64; 3]> = xyz.par_iter().map(|c| times(&OPPONENT_FROM_XYZ, *c)).collect();
+    let opponents = parallel::map_items(xyz, |c| times(&OPPONENT_FROM_XYZ, *c));
     let channels: Vec<Plane> = (0..3)
         .map(|k| {
             let plane = Plane::of_pixels(width, &opponents, |c| c[k]);
@@ -39,7 +39,7 @@ pub(super) fn filtered(xyz: &[[f64; 3]], width: usize) -> Vec<[f64; 3]> {
         .collect();
     let back = inverse(&OPPONENT_FROM_XYZ);
     let pixel = |i: usize| times(&back, [0, 1, 2].map(|k: usize| channels[k].values[i]));
-    (0..xyz.len()).into_par_iter().map(pixel).collect()
+    parallel::map(xyz.len(), pixel)
 }
 
 /// The taps of a Gaussian, for rows: times the root of its weight, with its sign.

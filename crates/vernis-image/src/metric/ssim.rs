@@ -23,10 +23,10 @@
 
 use super::colour::{LUMA_REC601, LUMA_REC709, channel, luma};
 use super::contract::{Comparison, Conditions, DifferenceMap, ImageMetric, PreparedResult, Properties, by_features};
-use super::plane::{Plane, correlate_row, gaussian};
+use super::plane::{Plane, ROWS, correlate_row, gaussian};
 use crate::picture::EncodedPicture;
 use multiversion::multiversion;
-use rayon::prelude::*;
+use vernis_metric::math::parallel;
 
 /// Raised when a value changes by more than rounding.
 pub const VERSION: u32 = 1;
@@ -126,8 +126,7 @@ pub(super) fn similarity(a: &Plane, b: &Plane, range: f64, with_map: bool) -> Si
     let kernel = gaussian(WINDOW, SIGMA);
     let [c1, c2] = K.map(|k| (k * range).powi(2));
     let (width, height) = (a.width + 1 - WINDOW, a.height + 1 - WINDOW);
-    let mut map = if with_map { vec![0.0; width * height] } else { vec![] };
-    let row = |buffers: &mut Buffers, y: usize, mut map: Option<&mut [f64]>| {
+    let row = |buffers: &mut Buffers, y: usize| {
         let rows = |plane: &'_ Plane, j: usize| -> std::ops::Range<usize> {
             let start = (y + j) * plane.width;
             start..start + plane.width
@@ -139,6 +138,7 @@ pub(super) fn similarity(a: &Plane, b: &Plane, range: f64, with_map: bool) -> Si
         }
         let [ma, mb, square, product] = &buffers.along;
         let mut sums = [0.0; 2];
+        let mut map = Vec::with_capacity(if with_map { width } else { 0 });
         for x in 0..width {
             let (ma, mb) = (ma[x], mb[x]);
             let (means, product_of_means) = (ma * ma + mb * mb, ma * mb);
@@ -146,22 +146,20 @@ pub(super) fn similarity(a: &Plane, b: &Plane, range: f64, with_map: bool) -> Si
             let ssim = (2.0 * product_of_means + c1) / (means + c1) * contrast_structure;
             sums[0] += ssim;
             sums[1] += contrast_structure;
-            if let Some(map) = map.as_deref_mut() {
-                map[x] = ssim;
+            if with_map {
+                map.push(ssim);
             }
         }
-        sums
+        (sums, map)
     };
-    let buffers = || Buffers::new(a.width, width);
-    let sums: Vec<[f64; 2]> = if with_map {
-        let rows = map.par_chunks_mut(width).enumerate();
-        rows.map_init(buffers, |buffers, (y, map)| row(buffers, y, Some(map))).collect()
-    } else {
-        (0..height).into_par_iter().map_init(buffers, |buffers, y| row(buffers, y, None)).collect()
-    };
+    let rows = parallel::map(height.div_ceil(ROWS), |k| -> Vec<_> {
+        let mut buffers = Buffers::new(a.width, width);
+        (k * ROWS..height.min((k + 1) * ROWS)).map(|y| row(&mut buffers, y)).collect()
+    });
+    let (sums, map): (Vec<[f64; 2]>, Vec<Vec<f64>>) = rows.into_iter().flatten().unzip();
     let count = (width * height) as f64;
     let [ssim, contrast_structure] = [0, 1].map(|k| sums.iter().map(|s| s[k]).sum::<f64>() / count);
-    Similarity { ssim, contrast_structure, map: with_map.then_some(Plane { width, height, values: map }) }
+    Similarity { ssim, contrast_structure, map: with_map.then(|| Plane { width, height, values: map.concat() }) }
 }
 
 /// Room for a row: weighted sums of a, b, a^2 + b^2 and ab.

@@ -13,9 +13,9 @@
 
 use super::TraceError;
 use glam::{Vec3A, Vec4};
-use rayon::prelude::*;
 use vernis_metric::brdf::Brdf;
 use vernis_metric::math::coordinates::{HalfDifference, half_difference_directions};
+use vernis_metric::math::parallel;
 use vernis_metric::math::{Rgb, Vec3};
 
 /// Nodes of the half angle, the difference angle and a quarter turn.
@@ -89,19 +89,15 @@ impl BrdfTable {
         let [half, difference, quarter] = size;
         let turn = Turn::of(brdf);
         let azimuths = turn.azimuths(quarter);
-        let nodes: Vec<Vec<Option<Rgb>>> = (0..half)
-            .into_par_iter()
-            .map(|h| {
-                let (wi, wo): (Vec<Vec3>, Vec<Vec3>) = (0..azimuths * difference)
-                    .map(|k| Self::directions(size, h, k / difference, k % difference))
-                    .unzip();
-                let mut values = vec![None; wi.len()];
-                // As `Value::at` asks.
-                brdf.eval_in_gamut(&wo, &wi, &mut values);
-                values
-            })
-            .collect();
-        let nodes: Vec<Option<Rgb>> = nodes.into_iter().flatten().collect();
+        let nodes: Vec<Vec<Option<Rgb>>> = parallel::map(half, |h| {
+            let (wi, wo): (Vec<Vec3>, Vec<Vec3>) =
+                (0..azimuths * difference).map(|k| Self::directions(size, h, k / difference, k % difference)).unzip();
+            let mut values = vec![None; wi.len()];
+            // As `Value::at` asks.
+            brdf.eval_in_gamut(&wo, &wi, &mut values);
+            values
+        });
+        let nodes: Vec<Option<Rgb>> = nodes.concat();
         if let Some(value) = nodes.iter().flatten().find(|v| !v.iter().all(|x| x.is_finite())) {
             return Err(TraceError::NotFinite { value: *value });
         }

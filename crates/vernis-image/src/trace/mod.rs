@@ -21,7 +21,6 @@ use geometry::Geometry;
 use glam::Vec3A;
 use integrator::{Stage, World};
 use light::Lighting;
-use rayon::prelude::*;
 use reflectance::Surface;
 use sampler::{Sampler, unit};
 use std::sync::Arc;
@@ -30,6 +29,7 @@ use thiserror::Error;
 use vernis_metric::brdf::{Brdf, ContentHash};
 use vernis_metric::io::{Count, Observer};
 use vernis_metric::math::Rgb;
+use vernis_metric::math::parallel;
 
 /// Raise it when a picture of the same scene changes by more than rounding. 2: a tenth of the directions are uniform.
 pub const VERSION: u32 = 2;
@@ -164,7 +164,7 @@ impl Tracer {
         let Film { width, height, .. } = self.scene.film;
         let mut pixels = vec![[0.0f32; 3]; width.saturating_mul(height)];
         let done = Count::of(height);
-        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
+        parallel::for_each_chunk(&mut pixels, width.max(1), |row, pixels| {
             let mut rays = 0;
             for (column, pixel) in pixels.iter_mut().enumerate() {
                 *pixel = self.pixel(column, row, &mut rays);

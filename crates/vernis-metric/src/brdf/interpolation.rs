@@ -15,6 +15,7 @@
 
 use super::tabulated::{TableError, TabulatedBrdf};
 use super::{Brdf, Grid};
+use crate::math::parallel;
 use crate::math::quantile::quantile;
 use rayon::prelude::*;
 
@@ -48,16 +49,14 @@ impl TabulatedBrdf {
     fn sampled(&self, grid: Grid, place: impl Fn(usize) -> Option<[f64; 3]> + Sync) -> Result<Self, TableError> {
         let mut values = vec![[0.0f32; 3]; grid.len()];
         let mut valid = vec![false; grid.len()];
-        values.par_chunks_mut(CHUNK).zip(valid.par_chunks_mut(CHUNK)).enumerate().for_each(
-            |(chunk, (values, valid))| {
-                for k in 0..values.len() {
-                    if let Some(value) = place(chunk * CHUNK + k).and_then(|at| self.at(at)) {
-                        values[k] = value;
-                        valid[k] = true;
-                    }
+        parallel::for_each_chunk_of_two(&mut values, &mut valid, CHUNK, |chunk, values, valid| {
+            for k in 0..values.len() {
+                if let Some(value) = place(chunk * CHUNK + k).and_then(|at| self.at(at)) {
+                    values[k] = value;
+                    valid[k] = true;
                 }
-            },
-        );
+            }
+        });
         Self::new(grid, values, valid)
     }
 

@@ -23,8 +23,8 @@
 use super::{Brdf, Grid, TabulatedBrdf};
 use crate::io::decimals;
 use crate::math::color::luminance;
+use crate::math::parallel;
 use crate::math::{Rgb, Vec3};
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 
@@ -58,7 +58,7 @@ impl Albedo {
     pub fn of(brdf: &dyn Brdf, theta_deg: f64) -> Self {
         let theta = theta_deg.to_radians();
         let wi = Vec3::from_spherical(theta, 0.0);
-        let rows: Vec<[f64; 5]> = (0..ROWS).into_par_iter().map(|row| of_row(brdf, wi, row)).collect();
+        let rows = parallel::map(ROWS, |row| of_row(brdf, wi, row));
         let mut sums = [0.0; 5];
         rows.iter().for_each(|row| sums.iter_mut().zip(row).for_each(|(sum, part)| *sum += part));
         let [r, g, b, measured, all] = sums;

@@ -3,6 +3,7 @@
 use super::found::Found;
 use super::notation::{Parsed, find};
 use super::{Brdf, BrdfError};
+use crate::math::parallel;
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -138,7 +139,7 @@ impl BrdfSource {
             Self::Generated(open) => Ok(open.clone()),
             Self::Notation(notation) => {
                 let found = Parsed::new(notation)?.found(base)?;
-                let (brdf, content) = rayon::join(|| found.decode(), || found.content());
+                let (brdf, content) = parallel::join(|| found.decode(), || found.content());
                 Ok(OpenBrdf { notation: notation.clone(), content: content?, brdf: brdf? })
             }
         }

@@ -3,8 +3,8 @@
 use super::Brdf;
 use super::cell_finder::CellFinder;
 use super::grid::Grid;
+use crate::math::parallel;
 use crate::math::{Rgb, Vec3};
-use rayon::prelude::*;
 use thiserror::Error;
 
 /// Cells handed to a thread at a time.
@@ -67,19 +67,17 @@ impl TabulatedBrdf {
         let mut values = vec![[0.0f32; 3]; n];
         let mut valid = vec![false; n];
         let directions = grid.all_directions();
-        values.par_chunks_mut(CHUNK).zip(valid.par_chunks_mut(CHUNK)).enumerate().for_each(
-            |(chunk, (values, valid))| {
-                let (wi, wo): (Vec<_>, Vec<_>) = (0..values.len()).map(|k| directions.get(chunk * CHUNK + k)).unzip();
-                let mut out = vec![None; values.len()];
-                brdf.eval_in_gamut(&wi, &wo, &mut out);
-                for k in 0..values.len() {
-                    if let Some(c) = out[k] {
-                        values[k] = c.map(|x| x as f32);
-                        valid[k] = wi[k].z > 0.0 && wo[k].z > 0.0;
-                    }
+        parallel::for_each_chunk_of_two(&mut values, &mut valid, CHUNK, |chunk, values, valid| {
+            let (wi, wo): (Vec<_>, Vec<_>) = (0..values.len()).map(|k| directions.get(chunk * CHUNK + k)).unzip();
+            let mut out = vec![None; values.len()];
+            brdf.eval_in_gamut(&wi, &wo, &mut out);
+            for k in 0..values.len() {
+                if let Some(c) = out[k] {
+                    values[k] = c.map(|x| x as f32);
+                    valid[k] = wi[k].z > 0.0 && wo[k].z > 0.0;
                 }
-            },
-        );
+            }
+        });
         Self::new(grid, values, valid)
     }
 
@@ -110,16 +108,14 @@ impl TabulatedBrdf {
     fn gathered(&self, grid: Grid, source: impl Fn(usize) -> Option<usize> + Sync) -> Result<Self, TableError> {
         let mut values = vec![[0.0f32; 3]; grid.len()];
         let mut valid = vec![false; grid.len()];
-        values.par_chunks_mut(CHUNK).zip(valid.par_chunks_mut(CHUNK)).enumerate().for_each(
-            |(chunk, (values, valid))| {
-                for k in 0..values.len() {
-                    if let Some(cell) = source(chunk * CHUNK + k) {
-                        values[k] = self.values[cell];
-                        valid[k] = self.valid[cell];
-                    }
+        parallel::for_each_chunk_of_two(&mut values, &mut valid, CHUNK, |chunk, values, valid| {
+            for k in 0..values.len() {
+                if let Some(cell) = source(chunk * CHUNK + k) {
+                    values[k] = self.values[cell];
+                    valid[k] = self.valid[cell];
                 }
-            },
-        );
+            }
+        });
         Self::new(grid, values, valid)
     }
 

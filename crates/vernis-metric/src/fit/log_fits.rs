@@ -11,9 +11,9 @@ use super::start::{Candidate, staged};
 use super::{FitError, Space};
 use crate::brdf::Brdf;
 use crate::io::Count;
+use crate::math::parallel;
 use crate::metric::MetricError;
 use crate::metric::lp::{Formula, LpVariant};
-use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// The loss whose minimum is the start.
@@ -71,7 +71,7 @@ impl Fitting<'_> {
             let objective = LossObjective::new(space, loss, Method::HookeJeeves);
             minimise(Method::HookeJeeves, &objective, &space.scaled(&start.parameters), limits, &|_| count())
         };
-        let mut fitted = starts.par_iter().map(fit).collect::<Result<Vec<_>, _>>()?;
+        let mut fitted = parallel::try_map(starts.len(), |k| fit(&starts[k]))?;
         fitted.sort_by(|a, b| a.value.total_cmp(&b.value));
         let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME_START);
         let mut distinct: Vec<Vec<f64>> = Vec::new();

@@ -10,7 +10,7 @@ use super::optimizer::{Improvement, Limits, Method, Observer as Watch, Outcome, 
 use super::start::Candidate;
 use super::{FitError, Space};
 use crate::io::{Count, Observer, Progress};
-use rayon::prelude::*;
+use crate::math::parallel;
 
 /// t of the blends before the learned metric itself.
 const BLENDS: [f64; 3] = [0.25, 0.5, 0.75];
@@ -83,7 +83,7 @@ impl Fitting<'_> {
             done.one(|progress| observer("search", progress));
             self.go_on()
         };
-        let from = |(k, start): (usize, &Candidate)| match (&starts.log, self.metric.properties().rough) {
+        let from = |k: usize, start: &Candidate| match (&starts.log, self.metric.properties().rough) {
             (Some(log), true) => self.blended(space, start, log, loss, &watch),
             _ => {
                 // They are rivals of the first.
@@ -92,7 +92,7 @@ impl Fitting<'_> {
                 self.descend(space, &objective, &space.scaled(&start.parameters), rivals, self.limits(STEP), &watch)
             }
         };
-        let outcomes: Vec<Result<Outcome, FitError>> = starts.candidates.par_iter().enumerate().map(from).collect();
+        let outcomes = parallel::map(starts.candidates.len(), |k| from(k, &starts.candidates[k]));
         let mut best: Option<(Outcome, usize)> = None;
         for (k, outcome) in outcomes.into_iter().enumerate() {
             let outcome = match outcome {

@@ -19,7 +19,7 @@ use super::LightError;
 use super::sites::{Sampling, Sites};
 use crate::brdf::Brdf;
 use crate::math::Rgb;
-use rayon::prelude::*;
+use crate::math::parallel;
 use std::collections::VecDeque;
 use std::f64::consts::FRAC_PI_2;
 
@@ -84,7 +84,7 @@ impl NodeTable {
     pub fn sample(brdf: &dyn Brdf, sampling: Sampling) -> Result<Self, LightError> {
         let sites = Sites::of(sampling);
         let mut found = vec![None; sites.len()];
-        found.par_chunks_mut(CHUNK).enumerate().for_each(|(c, found)| {
+        parallel::for_each_chunk(&mut found, CHUNK, |c, found| {
             let at = c * CHUNK..c * CHUNK + found.len();
             brdf.eval_batch(&sites.wi[at.clone()], &sites.wo[at], found);
         });

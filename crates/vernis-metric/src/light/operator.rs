@@ -24,8 +24,8 @@ use super::footprint::{LIMIT, shares};
 use super::node_table::{NODES, PHI_D, THETA_D, THETA_H, theta_d_coordinate, theta_h_coordinate};
 use super::sites::Sampling;
 use super::source::{COLUMNS, Light, ROWS};
+use crate::math::parallel;
 use crate::math::{Rgb, Vec3};
-use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
 /// Pixels in one parallel task of the transpose.
@@ -114,7 +114,7 @@ impl Operator {
             4 => self.row::<12>(p, table),
             _ => self.row_of_any(p, table),
         };
-        let rows: Vec<Vec<f64>> = (0..self.pixels()).into_par_iter().with_min_len(64).map(row).collect();
+        let rows = parallel::map(self.pixels(), row);
         (0..self.lights)
             .map(|l| rows.iter().map(|row| [row[3 * l], row[3 * l + 1], row[3 * l + 2]]).collect())
             .collect()
@@ -141,7 +141,7 @@ impl Operator {
             }
             sum
         };
-        let parts: Vec<Vec<Rgb>> = (0..self.pixels().div_ceil(TRANSPOSED)).into_par_iter().map(part).collect();
+        let parts = parallel::map(self.pixels().div_ceil(TRANSPOSED), part);
         let mut total = vec![[0.0; 3]; NODES];
         for part in parts {
             total.iter_mut().zip(part).for_each(|(t, p)| (0..3).for_each(|c| t[c] += p[c]));

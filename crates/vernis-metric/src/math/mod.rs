@@ -1,5 +1,6 @@
 //! Directions, coordinates, colour spaces, correlations, quantiles, least squares, Cholesky factors, the simplex of Nelder and
-//! Mead, the logistic curve, dense layers, dual numbers, the error function, resamples, scales of ratings and seeds.
+//! Mead, the logistic curve, dense layers, dual numbers, the error function, resamples, scales of ratings, seeds and loops on
+//! all workers.
 //!
 //! Nothing in this room knows what a BRDF is.
 
@@ -14,6 +15,7 @@ pub mod layers;
 pub mod least_squares;
 pub mod logistic;
 pub mod nelder_mead;
+pub mod parallel;
 pub mod quantile;
 pub mod rating_scale;
 pub mod resampling;

@@ -6,10 +6,10 @@
 //! doi:10.1201/9780429246593, 13.3. Cost: resamples x statistic, in parallel, the same bytes whatever the number of
 //! threads: every resample has a random stream of its own.
 
+use super::parallel;
 use super::quantile::Interval;
 use super::seed;
 use rand::Rng;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -56,14 +56,14 @@ impl Resamples {
         at_least("resamples of a bootstrap", resamples, MIN_RESAMPLES)?;
         at_least("groups of materials in a bootstrap", groups.len(), 2)?;
         let rows = groups.iter().map(Vec::len).sum();
-        let draw = |index| {
+        let draw = |index: usize| {
             let mut counts = vec![0; rows];
-            for group in places(groups.len(), seed, label, index) {
+            for group in places(groups.len(), seed, label, index as u64) {
                 groups[group].iter().for_each(|&row| counts[row] += 1);
             }
             counts
         };
-        Ok(Self { counts: (0..resamples as u64).into_par_iter().map(draw).collect() })
+        Ok(Self { counts: parallel::map(resamples, draw) })
     }
 
     /// How often each row counts, resample by resample.
@@ -74,7 +74,8 @@ impl Resamples {
     /// The interval of `statistic`, which takes how often each row counts. `None` where fewer than half of the
     /// resamples have the statistic.
     pub fn interval(&self, statistic: impl Fn(&[u32]) -> Option<f64> + Sync) -> Option<Interval> {
-        let found: Vec<f64> = self.counts.par_iter().filter_map(|counts| statistic(counts)).collect();
+        let found = parallel::map(self.counts.len(), |k| statistic(&self.counts[k]));
+        let found: Vec<f64> = found.into_iter().flatten().collect();
         if 2 * found.len() < self.counts.len() { None } else { Interval::percentile(found) }
     }
 }

@@ -9,7 +9,7 @@
 //! Source: P.-P. Sloan, "Stupid Spherical Harmonics (SH) Tricks", GDC 2008 (real basis); normalised Legendre functions by the
 //! recurrence of W. Press et al., "Numerical Recipes", 3rd ed., section 6.7. Cost: degree x pixels.
 
-use rayon::prelude::*;
+use super::parallel;
 use std::f64::consts::PI;
 
 /// E_l for l = 0 to `degree`, of the picture whose pixel (column, row) is `value(column, row)`.
@@ -41,7 +41,7 @@ pub fn energy_by_degree(
         }
         coefficients.into_iter().map(|[even, odd]| even * even + odd * odd).collect()
     };
-    let orders: Vec<Vec<f64>> = (0..=degree).into_par_iter().map(of_order).collect();
+    let orders = parallel::map(degree + 1, of_order);
     let mut energy = vec![0.0; degree + 1];
     for (m, of_order) in orders.iter().enumerate() {
         energy[m..].iter_mut().zip(of_order).for_each(|(e, o)| *e += o);
@@ -56,8 +56,7 @@ pub fn total_energy(width: usize, height: usize, value: impl Fn(usize, usize) ->
         let squares: f64 = (0..width).map(|column| value(column, row).powi(2)).sum();
         solid_angle(width, height, row) * squares
     };
-    let rows: Vec<f64> = (0..height).into_par_iter().map(of_row).collect();
-    rows.iter().sum()
+    parallel::map(height, of_row).iter().sum()
 }
 
 /// Of a pixel in `row`.

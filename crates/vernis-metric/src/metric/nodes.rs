@@ -9,8 +9,8 @@
 
 use super::MetricError;
 use crate::brdf::{Brdf, Grid, GridDirections, TabulatedBrdf};
+use crate::math::parallel;
 use crate::math::{Rgb, Vec3};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError, Weak};
@@ -166,7 +166,7 @@ impl Nodes {
             (Layout::Cells(cells), None) => {
                 let azimuths = cells.shape[2];
                 let mut values = vec![MISSING; cells.len()];
-                values.par_chunks_mut(azimuths).enumerate().for_each(|(row, values)| {
+                parallel::for_each_chunk(&mut values, azimuths, |row, values| {
                     let (circle, _) = cells.place(row * azimuths);
                     let found = cells.directions.evaluate_circle(brdf, circle);
                     for (k, value) in values.iter_mut().enumerate() {
@@ -177,10 +177,10 @@ impl Nodes {
             }
             (Layout::Listed(wi, wo), _) => {
                 let mut values = vec![MISSING; wi.len()];
-                let directions = wi.par_chunks(CHUNK).zip(wo.par_chunks(CHUNK));
-                values.par_chunks_mut(CHUNK).zip(directions).for_each(|(values, (wi, wo))| {
+                parallel::for_each_chunk(&mut values, CHUNK, |k, values| {
+                    let nodes = k * CHUNK..k * CHUNK + values.len();
                     let mut found = vec![None; values.len()];
-                    brdf.eval_in_gamut(wi, wo, &mut found);
+                    brdf.eval_in_gamut(&wi[nodes.clone()], &wo[nodes], &mut found);
                     values.iter_mut().zip(found).for_each(|(value, found)| *value = found.unwrap_or(MISSING));
                 });
                 values
@@ -199,7 +199,9 @@ impl Nodes {
             return Err(MetricError::ValueCount { metric, nodes, found: values.len(), expected: self.len() });
         }
         let is_wrong = |value: &f64| !value.is_finite() || *value < 0.0;
-        let Some(node) = values.par_iter().position_first(|rgb| rgb.iter().any(is_wrong)) else { return Ok(()) };
+        let chunks: Vec<&[Rgb]> = values.chunks(CHUNK).collect();
+        let wrong = |k: usize| chunks[k].iter().position(|rgb| rgb.iter().any(is_wrong)).map(|node| k * CHUNK + node);
+        let Some(node) = parallel::map(chunks.len(), wrong).into_iter().flatten().next() else { return Ok(()) };
         let channel = values[node].iter().position(is_wrong).unwrap_or_default();
         let ((wi, wo), value) = (self.directions(node), values[node][channel]);
         Err(MetricError::NodeValue { nodes: self.id.clone(), node, wi, wo, channel, value })
@@ -222,7 +224,7 @@ impl Nodes {
             }
             sums
         };
-        let chunks: Vec<Vec<f64>> = (0..self.len().div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
+        let chunks = parallel::map(self.len().div_ceil(CHUNK), chunk);
         let mut total = vec![0.0; count];
         chunks.iter().for_each(|sums| total.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum));
         total

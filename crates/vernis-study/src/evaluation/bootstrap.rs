@@ -12,8 +12,8 @@
 
 use super::EvaluationError;
 use super::agreement::{Agreement, Figure, Figures, Predictions, Prepared, Ratings};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use vernis_metric::math::parallel;
 pub use vernis_metric::math::quantile::Interval;
 pub use vernis_metric::math::resampling::{MIN_RESAMPLES, Resamples};
 
@@ -51,8 +51,7 @@ impl Bootstrapped {
     ) -> Result<Self, EvaluationError> {
         let agreement = Agreement::of(ratings, predictions)?;
         let prepared = Prepared::new(ratings, predictions)?;
-        let replicates: Vec<Option<Agreement>> =
-            resamples.counts().par_iter().map(|counts| prepared.agreement(counts).ok()).collect();
+        let replicates = parallel::map_items(resamples.counts(), |counts| prepared.agreement(counts).ok());
         let (defined, total) = (replicates.iter().flatten().count(), replicates.len());
         let too_few = || EvaluationError::Resamples { metric: metric.to_owned(), defined, resamples: total };
         if 2 * defined < total {

@@ -17,10 +17,10 @@ use crate::train::trivial::MeanOf;
 use crate::train::{TrainError, Trainer, Unmapped};
 use ndarray::ArrayView1;
 use rand::Rng;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use vernis_metric::math::correlation;
 use vernis_metric::math::logistic::{Logistic4, LogisticError};
+use vernis_metric::math::parallel;
 use vernis_metric::math::seed;
 
 /// What a metric says of every row without having seen it.
@@ -169,14 +169,14 @@ pub(super) fn run_folds(
     predict: impl Fn(usize, &Fold) -> Result<FoldScores, TrainError> + Sync,
 ) -> Result<OutOfFold, EvaluationError> {
     check_coverage(samples, folds)?;
-    let run = |(index, fold): (usize, &Fold)| match predict(index, fold)
-        .map_err(|source| training_error(name, index, fold, source))?
-    {
-        FoldScores::ToMap(training, score) => map_fold(name, index, &training, &fold.training.mos(), score),
-        FoldScores::Mos(score, unmapped) => Ok(FoldPredictions { unmapped, ..FoldPredictions::direct(score) }),
+    let run = |index: usize| {
+        let fold = &folds[index];
+        match predict(index, fold).map_err(|source| training_error(name, index, fold, source))? {
+            FoldScores::ToMap(training, score) => map_fold(name, index, &training, &fold.training.mos(), score),
+            FoldScores::Mos(score, unmapped) => Ok(FoldPredictions { unmapped, ..FoldPredictions::direct(score) }),
+        }
     };
-    let predicted: Vec<FoldPredictions> = folds.par_iter().enumerate().map(run).collect::<Result<_, _>>()?;
-    assemble(name, samples, folds, predicted)
+    assemble(name, samples, folds, parallel::try_map(folds.len(), run)?)
 }
 
 /// The distances of the column called `name` with the logistic map fitted on the very rows that are judged, as the

@@ -15,8 +15,8 @@ use crate::samples::Samples;
 use crate::samples::split::Fold;
 use crate::train::Trainer;
 use rand::Rng;
-use rayon::prelude::*;
 use std::collections::BTreeSet;
+use vernis_metric::math::parallel;
 use vernis_metric::math::seed;
 
 /// Shares of the training materials that a learning curve has.
@@ -38,7 +38,8 @@ pub(super) fn permuted(
     sets: &[Vec<usize>],
 ) -> Result<Vec<Predictions>, EvaluationError> {
     let order = shuffled(samples.len(), &mut seed::stream(seed, "permutation importance", 0));
-    let of_fold = |(index, fold): (usize, &Fold)| {
+    let of_fold = |index: usize| -> Result<Vec<FoldPredictions>, EvaluationError> {
+        let fold = &folds[index];
         let model = trainer
             .train(&fold.training, fold_seed(seed, index))
             .map_err(|source| training_error(trainer.name(), index, fold, source))?;
@@ -51,8 +52,7 @@ pub(super) fn permuted(
         };
         Ok(sets.iter().map(predict).collect())
     };
-    let by_fold: Vec<Vec<FoldPredictions>> =
-        folds.par_iter().enumerate().map(of_fold).collect::<Result<_, EvaluationError>>()?;
+    let by_fold = parallel::try_map(folds.len(), of_fold)?;
     let of_set = |set: usize| {
         let predicted = by_fold.iter().map(|fold| fold[set].clone()).collect();
         Ok(assemble(trainer.name(), samples, folds, predicted)?.predictions)

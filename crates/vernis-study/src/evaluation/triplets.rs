@@ -13,9 +13,9 @@ use crate::samples::split::Fold;
 use crate::samples::triplets::JudgedTriplet;
 use crate::train::Trainer;
 use ndarray::Array2;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use vernis_metric::math::parallel;
 
 /// How a metric agrees with triplets whose reference it has not seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,7 +64,8 @@ pub fn cross_validate_triplets(
     seed: u64,
 ) -> Result<Option<TripletAgreement>, EvaluationError> {
     let Some(all) = samples.triplets() else { return Ok(None) };
-    let of_fold = |(index, fold): (usize, &Fold)| {
+    let of_fold = |index: usize| -> Result<Counts, EvaluationError> {
+        let fold = &folds[index];
         let groups: BTreeSet<&str> = fold.held_out.rows().iter().map(|row| row.group.as_str()).collect();
         let held: Vec<&JudgedTriplet> =
             all.triplets().iter().filter(|t| t.is_untied() && groups.contains(&*t.group)).collect();
@@ -94,7 +95,7 @@ pub fn cross_validate_triplets(
         }
         Ok(counts)
     };
-    let found: Vec<Counts> = folds.par_iter().enumerate().map(of_fold).collect::<Result<_, EvaluationError>>()?;
+    let found = parallel::try_map(folds.len(), of_fold)?;
     let sums: Vec<[f64; 2]> = found.into_iter().flat_map(Counts::into_values).collect();
     let share = |counts: &[u32]| share_agreeing(&sums, counts);
     let Some(majority) = share(&vec![1; sums.len()]) else { return Ok(None) };

@@ -12,9 +12,9 @@ use super::moments::Moments;
 use super::record::{Spread, StudyRecord};
 use super::sos::{ASSUMED_A, ASSUMED_RATERS, parabola};
 use rand::Rng;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use vernis_metric::math::correlation::{CorrelationError, Ranking, pearson_counted, spearman_counted};
+use vernis_metric::math::parallel;
 use vernis_metric::math::quantile::Interval;
 use vernis_metric::math::resampling::{Resamples, rows_by_name};
 use vernis_metric::math::seed;
@@ -100,7 +100,7 @@ pub fn bound(record: &StudyRecord, options: &NoiseOptions) -> Result<NoiseBound,
     let groups = rows_by_name(rated.iter().map(|o| o.stimulus.group.as_str()));
     let resamples = Resamples::draw(&groups, options.simulations, options.seed, "noise bound")?;
     let (ranking, ones) = (Ranking::of(&truth), vec![1; truth.len()]);
-    let simulate = |(index, counts): (usize, &Vec<u32>)| -> Result<([f64; 2], Option<[f64; 2]>), CorrelationError> {
+    let simulate = |index: usize| -> Result<([f64; 2], Option<[f64; 2]>), CorrelationError> {
         let mut rng = seed::stream(options.seed, "noise panel", index as u64);
         let score = |&t: &f64| (t + (a * parabola(t) / raters).sqrt() * normal(&mut rng)).clamp(1.0, 5.0);
         let panel: Vec<f64> = truth.iter().map(score).collect();
@@ -109,9 +109,9 @@ pub fn bound(record: &StudyRecord, options: &NoiseOptions) -> Result<NoiseBound,
             Ok([pearson_counted(&truth, &panel, counts)?, spearman_counted(&ranking, &order, counts)?])
         };
         // A resample of one material with equal ratings has no correlation.
-        Ok((of(&ones)?, of(counts).ok()))
+        Ok((of(&ones)?, of(&resamples.counts()[index]).ok()))
     };
-    let panels: Vec<_> = resamples.counts().par_iter().enumerate().map(simulate).collect::<Result<_, _>>()?;
+    let panels = parallel::try_map(resamples.counts().len(), simulate)?;
     let bound = |k: usize| {
         let value = panels.iter().map(|(whole, _)| whole[k]).sum::<f64>() / panels.len() as f64;
         let single: Vec<f64> = panels.iter().filter_map(|(_, resampled)| Some((*resampled)?[k])).collect();

@@ -13,9 +13,9 @@ use super::error::{StudyError, at_least};
 use super::moments::{MeanAndDeviation, Moments};
 use super::sos::parabola;
 use rand::seq::SliceRandom;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use vernis_metric::math::correlation::{CorrelationError, pearson, spearman};
+use vernis_metric::math::parallel;
 use vernis_metric::math::seed;
 
 /// Agreement of random halves of the panel.
@@ -49,7 +49,7 @@ pub fn split_half(scores: &[Vec<f64>], splits: usize, seed: u64) -> Result<Split
         }
         Ok([pearson(&first, &second)?, spearman(&first, &second)?])
     };
-    let found: Vec<[f64; 2]> = (0..splits).into_par_iter().map(split).collect::<Result<_, _>>()?;
+    let found = parallel::try_map(splits, split)?;
     let over = |k: usize| {
         let values: Vec<f64> = found.iter().map(|f| f[k]).collect();
         MeanAndDeviation::of(&values).ok_or(StudyError::TooFew { what: "random splits", found: splits, least: 2 })

@@ -11,7 +11,6 @@ use crate::samples::extraction::NodeTables;
 use crate::samples::split::{Fold, SplitError, grouped_folds, method_and_group_folds};
 use crate::samples::{Samples, SamplesError};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, concatenate};
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use thiserror::Error;
@@ -19,6 +18,7 @@ use vernis_metric::brdf::BrdfSource;
 use vernis_metric::descriptor::embedding::{EmbeddingParts, LogSpace, log_map};
 use vernis_metric::descriptor::{Cache, Column, DescriptorError, Embedding, Role, Setup, features};
 use vernis_metric::light::NodeTable;
+use vernis_metric::math::parallel;
 
 /// Coordinates of an embedding.
 const DIMENSION: usize = 8;
@@ -118,7 +118,7 @@ impl TableBank {
             Ok(features(&source.identify(base)?, setup, cache)?.0.table().clone())
         };
         let references = tables.references.into_iter().map(grouped).collect();
-        let others = others.par_iter().map(table).collect::<Result<_, _>>()?;
+        let others = parallel::try_map(others.len(), |k| table(&others[k]))?;
         Ok(Self { references, candidates: tables.candidates, others })
     }
 
@@ -138,18 +138,16 @@ impl TableBank {
         let shape = |found, expected| EmbeddingError::Shape { name: learner.name(), found, expected };
         let matrix = Array2::from_shape_vec((rows.len(), width), flat).map_err(|_| shape(width, rows.len()))?;
         let embedding = learner.learn(&matrix, seed)?;
+        let tables: Vec<&NodeTable> = self.references.values().map(|(_, table)| table).collect();
+        let coordinates = parallel::map_items(&tables, |table| embedding.coordinates(table));
         let references: BTreeMap<&str, Vec<f64>> =
-            self.references.par_iter().map(|(m, (_, t))| (m.as_str(), embedding.coordinates(t))).collect();
-        let differences: Vec<Vec<f64>> = samples
-            .rows()
-            .par_iter()
-            .zip(&self.candidates)
-            .map(|(row, table)| {
-                let reference = references.get(row.material.as_str());
-                let candidate = embedding.coordinates(table);
-                candidate.iter().zip(reference.into_iter().flatten()).map(|(c, r)| c - r).collect()
-            })
-            .collect();
+            self.references.keys().map(String::as_str).zip(coordinates).collect();
+        let rows: Vec<_> = samples.rows().iter().zip(&self.candidates).collect();
+        let differences = parallel::map_items(&rows, |(row, table)| -> Vec<f64> {
+            let reference = references.get(row.material.as_str());
+            let candidate = embedding.coordinates(table);
+            candidate.iter().zip(reference.into_iter().flatten()).map(|(c, r)| c - r).collect()
+        });
         let dimension = differences.first().map_or(0, Vec::len);
         let flat: Vec<f64> = differences.into_iter().flatten().collect();
         let found = flat.len();

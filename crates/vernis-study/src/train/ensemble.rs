@@ -7,8 +7,8 @@
 use super::{Predictor, TrainError, Trainer};
 use crate::samples::split::TrainingSet;
 use ndarray::{ArrayView2, Axis};
-use rayon::prelude::*;
 use vernis_metric::descriptor::Column;
+use vernis_metric::math::parallel;
 use vernis_metric::metric::learned::Regressor;
 
 /// The mean of what several trainers learn.
@@ -149,5 +149,5 @@ pub fn bootstrap_members(
             }
         }
     };
-    (0..n as u64).into_par_iter().map(member).collect()
+    parallel::try_map(n, |i| member(i as u64))
 }

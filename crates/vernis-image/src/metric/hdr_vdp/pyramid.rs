@@ -8,8 +8,8 @@
 
 use crate::metric::plane::Plane;
 use multiversion::multiversion;
-use rayon::prelude::*;
 use std::sync::LazyLock;
+use vernis_metric::math::parallel;
 
 /// Orientations.
 const ORIENTATIONS: usize = 4;
@@ -131,7 +131,7 @@ fn correlate(plane: &Plane, filter: &Filter) -> Plane {
         }
     });
     let mut values = vec![0.0; width * height];
-    values.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+    parallel::for_each_chunk(&mut values, width, |y, out| {
         let stride = padded.width;
         correlate_rows(&padded.values[y * stride..(y + filter.side) * stride], stride, filter.side, &filter.taps, out);
     });

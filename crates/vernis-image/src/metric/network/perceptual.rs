@@ -7,8 +7,8 @@ use crate::picture::EncodedPicture;
 use burn::tensor::module::interpolate;
 use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 use burn::tensor::{Tensor, TensorData};
-use rayon::prelude::*;
 use std::sync::Arc;
+use vernis_metric::math::parallel;
 
 /// Names of the layers' shares in [`Comparison::details`].
 const LAYERS: [&str; 7] = ["layer 1", "layer 2", "layer 3", "layer 4", "layer 5", "layer 6", "layer 7"];
@@ -93,7 +93,7 @@ impl Features {
         let values: Vec<f32> = numbers(x);
         let pixels = width * height;
         let mut inverse = vec![0.0f64; pixels];
-        inverse.par_chunks_mut(CHUNK).enumerate().for_each(|(i, chunk)| {
+        parallel::for_each_chunk(&mut inverse, CHUNK, |i, chunk| {
             for c in 0..channels {
                 let from = c * pixels + i * CHUNK;
                 for (sum, v) in chunk.iter_mut().zip(&values[from..from + CHUNK.min(pixels - i * CHUNK)]) {
@@ -109,7 +109,7 @@ impl Features {
     fn differences(&self, other: &Self, weights: &[f32]) -> Vec<f64> {
         let pixels = self.width * self.height;
         let mut sums = vec![0.0f64; pixels];
-        sums.par_chunks_mut(CHUNK).enumerate().for_each(|(i, chunk)| {
+        parallel::for_each_chunk(&mut sums, CHUNK, |i, chunk| {
             let (start, count) = (i * CHUNK, chunk.len());
             let (inverse, other_inverse) = (&self.inverse[start..start + count], &other.inverse[start..start + count]);
             for (c, weight) in weights.iter().enumerate() {

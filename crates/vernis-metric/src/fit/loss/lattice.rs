@@ -8,10 +8,10 @@
 //! Cost: 1.2e6 cells of 60 bytes below 80 degrees for n = 1; n = 3 keeps a twentieth of them.
 
 use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
+use crate::math::parallel;
 use crate::math::{Rgb, Vec3};
 use crate::metric::lp::{AZIMUTHS, POLAR};
 use crate::metric::{MetricError, Side};
-use rayon::prelude::*;
 
 /// Within this angle between half vector and normal, degrees, no cell is left out.
 pub const NEAR: f64 = 2.5;
@@ -55,8 +55,8 @@ impl Lattice {
         };
         let rows: Vec<usize> = (0..limit.min(POLAR)).collect();
         let blocks: Vec<&[usize]> = rows.chunks(coarsening.max(1)).collect();
-        let row = |block: &&[usize]| row(source, &directions, block, &blocks, coarsening.max(1));
-        let rows = blocks.par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
+        let row = |k: usize| row(source, &directions, blocks[k], &blocks, coarsening.max(1));
+        let rows = parallel::try_map(blocks.len(), row)?;
         let samples = rows.concat();
         if samples.iter().all(|s| s.count == [0.0; 2]) {
             return Err(MetricError::NoValidCell { side: Side::Reference });
@@ -95,7 +95,8 @@ impl Lattice {
         sum: impl Fn(&[Sample]) -> Result<T, E> + Sync,
         mut add: impl FnMut(&mut T, T),
     ) -> Result<T, E> {
-        let parts = self.samples.par_chunks(CHUNK).map(&sum).collect::<Result<Vec<_>, E>>()?;
+        let chunks: Vec<&[Sample]> = self.samples.chunks(CHUNK).collect();
+        let parts = parallel::try_map(chunks.len(), |k| sum(chunks[k]))?;
         let mut total = zero;
         parts.into_iter().for_each(|part| add(&mut total, part));
         Ok(total)

@@ -10,8 +10,8 @@
 //! order 3). Nothing is blurred before a coarser grid is sampled, as there. Cost: a few operations a sample and axis.
 
 use crate::math::Rgb;
+use crate::math::parallel;
 use multiversion::multiversion;
-use rayon::prelude::*;
 
 /// The pole of the cubic spline's filter, sqrt(3) - 2.
 const POLE: f64 = -0.267_949_192_431_122_7;
@@ -111,7 +111,7 @@ pub(super) fn resample(value: impl Fn(usize, usize) -> Rgb + Sync, from: [usize;
         }
         planes.map(|plane| along(plane, &taps[0], width))
     };
-    let strips: Vec<[Vec<f64>; 3]> = (0..columns).into_par_iter().map(column).collect();
+    let strips = parallel::map(columns, column);
     let row = |i: usize| -> [Vec<f64>; 3] {
         std::array::from_fn(|channel| {
             let block: Vec<f64> =
@@ -123,7 +123,7 @@ pub(super) fn resample(value: impl Fn(usize, usize) -> Rgb + Sync, from: [usize;
             }
         })
     };
-    let rows: Vec<[Vec<f64>; 3]> = (0..to[0]).into_par_iter().map(row).collect();
+    let rows = parallel::map(to[0], row);
     std::array::from_fn(|channel| rows.iter().flat_map(|row| &row[channel]).copied().collect())
 }
 

@@ -4,8 +4,8 @@ use super::GraphGrid;
 use super::spline::{resample, resample_mask};
 use crate::brdf::{Anchor, Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
 use crate::math::Rgb;
+use crate::math::parallel;
 use crate::metric::{MetricError, Side};
-use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
 /// f cos theta_i (1/sr) of one BRDF at the cells of a grid, one plane a channel (R, G, B), and which cells are measured.
@@ -190,7 +190,7 @@ impl CosineTable {
         let [rows, _, _] = grid.shape();
         let directions = grid.cells().all_directions();
         let row = |i| evaluate_row(brdf, grid, &directions, i, side);
-        let rows = (0..rows).into_par_iter().map(row).collect::<Result<Vec<_>, _>>()?;
+        let rows = parallel::try_map(rows, row)?;
         let mut table = Self::empty(grid);
         table.push(rows.into_iter().flatten());
         Ok(table)

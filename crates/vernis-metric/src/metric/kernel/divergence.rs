@@ -6,8 +6,8 @@ use super::mixture::{Kernel, Mixture, Term};
 use super::plan::Plan;
 use super::side::{Field, Side, potential};
 use super::splat::slopes;
+use crate::math::parallel;
 use crate::metric::graph::{CommonCells, GraphGrid, Tone};
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// How a channel is compared.
@@ -45,19 +45,17 @@ impl Channels {
     /// out.
     pub fn new(setting: Setting, planes: &[&[f64]], grid: GraphGrid, own: CommonCells, direct: bool) -> Self {
         let mut plan = Plan::new(setting.kernel, setting.alpha, grid);
-        let toned = |plane: &&[f64]| plane.iter().map(|t| setting.tone.value(*t)).collect::<Vec<f64>>();
-        let values: Vec<Vec<f64>> = planes.par_iter().map(toned).collect();
+        let toned = |plane: &[f64]| plane.iter().map(|t| setting.tone.value(*t)).collect::<Vec<f64>>();
+        let values = parallel::map(planes.len(), |c| toned(planes[c]));
         if !direct {
             let of_cells =
                 |values: &Vec<f64>| cells(grid, &own).fold(0.0f64, |most, cell| most.max(values[cell].abs()));
             // No two sides are further apart than twice the larger of both.
             plan.extend(plan.count(2.0 * values.iter().map(of_cells).fold(0.0, f64::max)));
         }
-        let channel = |values: Vec<f64>| {
-            let side = (!direct).then(|| Side::new(&plan, &values, grid, &own));
-            Channel { values, side }
-        };
-        let channels = values.into_par_iter().map(channel).collect();
+        let side = |c: usize| (!direct).then(|| Side::new(&plan, &values[c], grid, &own));
+        let sides = parallel::map(values.len(), side);
+        let channels = values.into_iter().zip(sides).map(|(values, side)| Channel { values, side }).collect();
         Self { setting, grid, plan, own, channels }
     }
 }

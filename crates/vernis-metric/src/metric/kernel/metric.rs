@@ -4,6 +4,7 @@ use super::divergence::{Channels, Comparison, DIRECT, Pair, Setting};
 use super::mixture::Kernel;
 use super::{FAMILY, VERSION};
 use crate::brdf::Brdf;
+use crate::math::parallel;
 use crate::metric::graph::{self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedTable, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share};
 use std::sync::Arc;
@@ -110,7 +111,7 @@ impl KernelMetric {
         let direct = common.count() <= DIRECT;
         let comparison = Comparison::new(reference.1, candidate.1, &common, direct);
         let channel = |c: usize| of(c, &comparison.pair(c));
-        let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
+        let (red, (green, blue)) = parallel::join(|| channel(0), || parallel::join(|| channel(1), || channel(2)));
         Ok([red, green, blue])
     }
 }

@@ -3,8 +3,8 @@
 use super::{AZIMUTHS, POLAR};
 use crate::brdf::{Brdf, Grid, GridDirections, TableError, TabulatedBrdf};
 use crate::math::Rgb;
+use crate::math::parallel;
 use crate::metric::{MetricError, Side};
-use rayon::prelude::*;
 use std::borrow::Borrow;
 
 /// One channel of a block.
@@ -145,11 +145,13 @@ struct Table<T> {
 impl<T: Borrow<TabulatedBrdf>> Table<T> {
     fn new(table: T) -> Self {
         let (values, valid) = (table.borrow().values(), table.borrow().valid());
-        let is_own_image = |(values, valid): (&[[f32; 3]], &[bool])| {
+        let is_own_image = |circle: usize| {
+            let cells = circle * AZIMUTHS..(circle + 1) * AZIMUTHS;
+            let (values, valid) = (&values[cells.clone()], &valid[cells]);
             let same = |a: usize, b: usize| valid[a] == valid[b] && (!valid[a] || values[a] == values[b]);
             (1..AZIMUTHS / 2).all(|k| same(k, AZIMUTHS - k))
         };
-        let mirror_symmetric = values.par_chunks(AZIMUTHS).zip(valid.par_chunks(AZIMUTHS)).all(is_own_image);
+        let mirror_symmetric = parallel::all(values.len() / AZIMUTHS, is_own_image);
         Self { table, mirror_symmetric }
     }
 }
@@ -227,7 +229,7 @@ impl Samples {
             (i, o) if exchangeable && o < i => Ok(vec![]),
             (i, o) => brdf.evaluate(i, o),
         };
-        let blocks = (0..POLAR * POLAR).into_par_iter().map(block).collect::<Result<Vec<_>, _>>()?;
+        let blocks = parallel::try_map(POLAR * POLAR, block)?;
         Ok(Self { blocks, mirror_symmetric: brdf.brdf.is_mirror_symmetric(), exchangeable })
     }
 }
@@ -261,10 +263,10 @@ impl<'a> NodeValues<'a> {
     /// `values`: one a node, `polar` angles along both axes and [`AZIMUTHS`]; finite and not negative.
     pub fn new(values: &'a [Rgb], polar: usize) -> Self {
         let is_own_image = |circle: &[Rgb]| (1..AZIMUTHS / 2).all(|k| circle[k] == circle[AZIMUTHS - k]);
-        let mirror_symmetric = values.par_chunks(AZIMUTHS).all(is_own_image);
         let circle = |i: usize, o: usize| &values[(i * polar + o) * AZIMUTHS..][..AZIMUTHS];
-        let exchangeable = mirror_symmetric
-            && (0..polar).into_par_iter().all(|i| (i + 1..polar).all(|o| circle(i, o) == circle(o, i)));
+        let mirror_symmetric = parallel::all(polar, |i| (0..polar).all(|o| is_own_image(circle(i, o))));
+        let exchangeable =
+            mirror_symmetric && parallel::all(polar, |i| (i + 1..polar).all(|o| circle(i, o) == circle(o, i)));
         Self { values, polar, mirror_symmetric, exchangeable }
     }
 }

@@ -13,8 +13,8 @@ use super::kernel::Work;
 use super::metric::{checked_distance, sums_of};
 use super::variant::LpVariant;
 use crate::math::Rgb;
+use crate::math::parallel;
 use crate::metric::{Gradient, MetricError};
-use rayon::prelude::*;
 
 /// The distance of `variant`, and its derivatives at the nodes of `polar` angles along both axes.
 pub(super) fn gradient(
@@ -27,8 +27,8 @@ pub(super) fn gradient(
     let sums = sums_of(reference, candidate, &Work::for_variants([variant]))?;
     let value = checked_distance(&sums, variant)?;
     let outer = variant.formula.root_slope(value) / sums.cells(variant) as f64;
-    let mut derivatives = vec![[0.0; 3]; polar * polar * AZIMUTHS];
-    let row = |(i, derivatives): (usize, &mut [Rgb])| -> Result<(), MetricError> {
+    let row = |i: usize| -> Result<Vec<Rgb>, MetricError> {
+        let mut derivatives = vec![[0.0; 3]; polar * AZIMUTHS];
         let (mut of_reference, mut of_candidate) = (Block::new(), Block::new());
         let mut plane = [0.0; AZIMUTHS];
         for (o, derivatives) in derivatives.chunks_exact_mut(AZIMUTHS).enumerate() {
@@ -44,8 +44,7 @@ pub(super) fn gradient(
                 derivatives.iter_mut().zip(&plane).for_each(|(d, slope)| d[channel] = scale * slope);
             }
         }
-        Ok(())
+        Ok(derivatives)
     };
-    derivatives.par_chunks_mut(polar * AZIMUTHS).enumerate().try_for_each(row)?;
-    Ok(Gradient { value, derivatives })
+    Ok(Gradient { value, derivatives: parallel::try_map(polar, row)?.concat() })
 }

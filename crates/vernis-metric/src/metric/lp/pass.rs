@@ -9,8 +9,8 @@ use super::block::{Cells, Extent};
 use super::formula::Weights;
 use super::kernel::{BlockSums, ReferenceSide, Work, Workspace};
 use super::variant::{Formula, LpVariant};
+use crate::math::parallel;
 use crate::metric::MetricError;
-use rayon::prelude::*;
 
 /// One entry a channel (or L*, a*, b*), for every formula.
 type FormulaSums = [[f64; 3]; Formula::ALL.len()];
@@ -46,7 +46,7 @@ impl Sums {
     /// The first value that cannot be compared, in the order of the cells and then of the candidates.
     pub fn over(reference: &dyn Cells, candidates: &[&dyn Cells], work: &Work) -> Result<Vec<Self>, MetricError> {
         let row = |i| row(reference, candidates, work, i);
-        let rows: Vec<Vec<Self>> = (0..work.limit).into_par_iter().map(row).collect::<Result<_, _>>()?;
+        let rows = parallel::try_map(work.limit, row)?;
         let mut sums = vec![Self::default(); candidates.len()];
         for row in &rows {
             for (sums, row) in sums.iter_mut().zip(row) {

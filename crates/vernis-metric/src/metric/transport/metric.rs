@@ -4,6 +4,7 @@ use super::{
     Accuracy, GroundCost, PreparedChannel, SinkhornParameters, TransportError, divergence, divergence_and_gradient,
 };
 use crate::brdf::Brdf;
+use crate::math::parallel;
 use crate::metric::graph::{self, ChannelGradients, CosineTable, GraphGrid, GraphMetric, Options, PreparedTable, Tone};
 use crate::metric::{Metric, MetricError, PreparedMetric, Properties, Share, Side};
 use std::sync::Arc;
@@ -132,7 +133,7 @@ impl TransportMetric {
 }
 
 fn in_parallel<T: Send>(channel: impl Fn(usize) -> Result<T, MetricError> + Sync) -> Result<[T; 3], MetricError> {
-    let (red, (green, blue)) = rayon::join(|| channel(0), || rayon::join(|| channel(1), || channel(2)));
+    let (red, (green, blue)) = parallel::join(|| channel(0), || parallel::join(|| channel(1), || channel(2)));
     Ok([red?, green?, blue?])
 }
 

@@ -37,6 +37,7 @@ mod quantised;
 pub use metric::TransportMetric;
 pub use parameters::{Accuracy, GroundCost, Method, SinkhornParameters};
 
+use crate::math::parallel;
 use crate::metric::graph::GraphGrid;
 use annealing::Annealing;
 use clusters::Graphs;
@@ -306,7 +307,7 @@ pub fn divergence_and_gradient(
             pair.divergence(parameters, &annealing.stretched((1.0 + STRETCH).powf(parameters.cost().power()))).map(Some)
         }
     };
-    let (found, stretched) = rayon::join(|| pair.divergence_and_gradient(parameters, annealing), stretched);
+    let (found, stretched) = parallel::join(|| pair.divergence_and_gradient(parameters, annealing), stretched);
     let (value, mut gradient) = found?;
     if let Some(stretched) = stretched? {
         let of_diameter = (stretched - value) / (STRETCH * diameter);

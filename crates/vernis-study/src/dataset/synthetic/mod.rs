@@ -21,9 +21,9 @@ use candidates::Candidate;
 use materials::NamedMaterial;
 use panel::Grades;
 use rand::Rng;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use vernis_metric::brdf::{BrdfSource, OpenBrdf};
+use vernis_metric::math::parallel;
 use vernis_metric::math::rating_scale::RatingScale;
 use vernis_metric::math::seed;
 
@@ -100,12 +100,10 @@ fn qualities(pairs: &[Pair], materials: usize) -> Vec<f64> {
     let studio = studio::Studio::new();
     let look = |brdf: &OpenBrdf| perceive(&studio.picture(brdf.brdf.as_ref()));
     let first: BTreeMap<usize, &OpenBrdf> = pairs.iter().map(|p| (p.material, &p.reference)).collect();
-    let references: Vec<Option<Percept>> =
-        (0..materials).into_par_iter().map(|i| first.get(&i).map(|r| look(r))).collect();
-    pairs
-        .par_iter()
-        .map(|p| references[p.material].as_ref().map_or(f64::NAN, |r| Difference::between(r, &look(&p.open)).quality()))
-        .collect()
+    let references: Vec<Option<Percept>> = parallel::map(materials, |i| first.get(&i).map(|r| look(r)));
+    parallel::map_items(pairs, |p| {
+        references[p.material].as_ref().map_or(f64::NAN, |r| Difference::between(r, &look(&p.open)).quality())
+    })
 }
 
 fn rated(material: &NamedMaterial, pair: Pair, grades: &Grades) -> RatedPair {

@@ -19,6 +19,7 @@ use super::kernel::{Diagonal, Kernel, Meeting, levels, squares};
 use super::levels::{Level, Levels};
 use super::measure::{Clusters, SPREAD, Side, lanes};
 use super::{Graphs, Update, annealed, factors};
+use crate::math::parallel;
 use multiversion::multiversion;
 use multiversion::target::target_cfg_f;
 
@@ -126,7 +127,7 @@ impl<'a> Reverse<'a> {
         let potentials = |old, new, slope| Updated { old, new, slope };
         let pair = [potentials(&before.f_ba, &f_ba, &r_ba), potentials(&before.g_ab, &g_ab, &r_ab)];
         let own = || potentials(&before.g_bb, &g_bb, &r_bb);
-        let (pair, own) = rayon::join(
+        let (pair, own) = parallel::join(
             || Flows::new(kernel, self.clusters, Meeting::Both, &pair),
             || Flows::new(kernel, self.clusters, Meeting::Second, &[own(), own()]),
         );

@@ -32,6 +32,7 @@ pub(super) use partition::Graphs;
 
 use super::SinkhornParameters;
 use super::annealing::{Annealing, Step};
+use crate::math::parallel;
 use kernel::{Kernel, Meeting, Sums};
 use levels::{Level, Levels, level_of};
 use measure::Clusters;
@@ -56,8 +57,9 @@ impl Potentials {
     fn updated(&self, kernel: &Kernel, keep: f64, clusters: &Clusters) -> Self {
         let pair = || update(kernel, keep, clusters, Meeting::Both, &self.f_ba, &self.g_ab);
         let own = |meeting, f: &[f64]| update(kernel, keep, clusters, meeting, f, f).0;
-        let ((f_ba, g_ab), (f_aa, g_bb)) =
-            rayon::join(pair, || rayon::join(|| own(Meeting::First, &self.f_aa), || own(Meeting::Second, &self.g_bb)));
+        let ((f_ba, g_ab), (f_aa, g_bb)) = parallel::join(pair, || {
+            parallel::join(|| own(Meeting::First, &self.f_aa), || own(Meeting::Second, &self.g_bb))
+        });
         Self { f_ba, g_ab, f_aa, g_bb }
     }
 

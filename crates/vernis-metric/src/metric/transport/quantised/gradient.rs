@@ -27,6 +27,7 @@ use super::iterations::{Update, alone, crossed, mean_difference, updates};
 use super::levels::Levels;
 use super::measure::{Measure, Support};
 use super::splat::pull_back;
+use crate::math::parallel;
 
 /// The divergence of `a` and `b`, and its derivative with respect to the values `cells` that `b` was made of.
 pub(in crate::metric::transport) fn divergence_and_gradient(
@@ -61,7 +62,8 @@ fn value_and_masses(alpha: f64, annealing: &Annealing, a: &Levels, b: &Levels) -
         (f, g, of_mass)
     };
     let of_reference = || alone(alpha, annealing, a, levels, Nodes::Support, |_| ());
-    let ((f_aa, (g_bb, of_bb)), (f_ba, g_ab, of_ab)) = rayon::join(|| rayon::join(of_reference, of_candidate), of_both);
+    let ((f_aa, (g_bb, of_bb)), (f_ba, g_ab, of_ab)) =
+        parallel::join(|| parallel::join(of_reference, of_candidate), of_both);
     let value = mean_difference(a.finest(), &f_ba, &f_aa) + mean_difference(b.finest(), &g_ab, &g_bb);
     let of_masses = |f: &Field, of_chain: Vec<Field>, sign: f64| {
         let mut of_mass = b.coarsen_back(of_chain);

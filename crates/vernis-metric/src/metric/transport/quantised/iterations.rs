@@ -13,6 +13,7 @@ use super::field::Field;
 use super::gaussian::{Gaussian, Nodes, Sink, Spread};
 use super::levels::Levels;
 use super::measure::Measure;
+use crate::math::parallel;
 
 /// One update of the potentials, f <- keep f + (1 - keep) softmin_epsilon.
 #[derive(Debug, Clone, Copy)]
@@ -65,7 +66,7 @@ pub(in crate::metric::transport) fn divergence(alpha: f64, annealing: &Annealing
     let levels = a.len().min(b.len());
     let alone = |measure| alone(alpha, annealing, measure, levels, Nodes::Support, |_| ());
     let both = || crossed(alpha, annealing, a, b, Nodes::Support, |_, _| ());
-    let ((f_aa, g_bb), (f_ba, g_ab)) = rayon::join(|| rayon::join(|| alone(a), || alone(b)), both);
+    let ((f_aa, g_bb), (f_ba, g_ab)) = parallel::join(|| parallel::join(|| alone(a), || alone(b)), both);
     mean_difference(a.finest(), &f_ba, &f_aa) + mean_difference(b.finest(), &g_ab, &g_bb)
 }
 

@@ -134,3 +134,25 @@ fn only_the_program_knows_of_a_terminal() {
     }
     assert!(seen > 20, "the program prints nothing: the reader of the sources is broken");
 }
+
+/// They are compiled for every loop; `math::parallel` is compiled once. `vernis` itself is compiled without optimisation.
+#[test]
+fn parallel_loops_are_those_of_one_file() {
+    const LOOPS: [&str; 5] = ["par_iter", "par_chunks", "par_bridge", "rayon::join", "rayon::scope"];
+    let mut seen = 0;
+    for (package, folder, _) in PACKAGES.into_iter().filter(|(package, ..)| *package != "vernis") {
+        for (_, inside, code) in sources(folder) {
+            let library = code.iter().take_while(|line| !line.starts_with("#[cfg(test)]"));
+            for line in library.filter(|line| LOOPS.iter().any(|name| line.contains(name))) {
+                seen += 1;
+                assert_eq!(
+                    (package, inside.as_str()),
+                    ("vernis-metric", "math/parallel.rs"),
+                    "a parallel loop of its own: `{}`",
+                    line.trim()
+                );
+            }
+        }
+    }
+    assert!(seen > 1, "no parallel loop was seen: the reader of the sources is broken");
+}

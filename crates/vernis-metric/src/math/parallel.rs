@@ -1,8 +1,8 @@
 //! Loops on all workers, whose results do not depend on their number.
 //!
-//! They are rayon's, behind functions that are compiled once: each loop hands over its body as `&dyn Fn`. Parallel iterators in place
-//! are compiled anew for every body, several times over, and were an eighth of this workspace's machine code. A body costs one call
-//! through a pointer more, so that one of a few operations belongs into a loop over chunks.
+//! They are rayon's, behind functions that are compiled once: each loop hands over its body as `&dyn Fn`. A parallel iterator is compiled
+//! anew for every loop, several times over; such iterators were a tenth of what the compiler had to optimise. Beyond a plain loop, each
+//! part of the work costs a call through a pointer and a lock that nobody else wants.
 
 use rayon::prelude::*;
 use std::ops::Range;
